@@ -1,0 +1,238 @@
+"""Compiled closest-point search. All kernels live in this one file: numba's cache misses changes in imported ones.
+
+Each triangle is read once per 64 points: the points are vector lanes, so the search needs neither reductions nor
+gathers nor branches. Everything a lane loop touches lies in ONE flat scratch array with constant row offsets: separate
+arrays would cost run-time alias checks (20 to 25 %). Constants take the arrays' dtype, because a bare literal turns
+float32 arithmetic into float64.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+K = 64  # basis points, compile-time so that lane loops have a fixed length
+QX, QY, QZ, BEST, WINNER = 0, K, 2 * K, 3 * K, 4 * K  # rows of the scratch
+EDGE = 5 * K  # then 4 x (offset in plane, direction in plane) of the winner's three edges and its face
+SCRATCH = EDGE + 16
+
+#: Positions beyond this (m) and rotations further than this from orthonormal are refused.
+MAX_POSITION = 100.0
+MAX_SKEW = 1e-3
+
+OK, BAD_POSITION, BAD_ROTATION, BAD_MESH = 0, 1, 2, 3
+
+_OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
+_FAST = {**_OPTIONS, "fastmath": True}
+
+
+@njit(**_OPTIONS)
+def _check(position, rotation, mesh, meshes):
+    """Status of one pose. Not fast-math: comparisons must be false for NaN."""
+    if mesh < 0 or mesh >= meshes:
+        return BAD_MESH
+    for i in range(3):
+        if not abs(position[i]) <= MAX_POSITION:
+            return BAD_POSITION
+        for j in range(i, 3):
+            product = rotation[0, i] * rotation[0, j] + rotation[1, i] * rotation[1, j] + rotation[2, i] * rotation[2, j]
+            if not abs(product - (1 if i == j else 0)) <= MAX_SKEW:
+                return BAD_ROTATION
+    cross = rotation[1, 0] * rotation[2, 1] - rotation[2, 0] * rotation[1, 1]
+    if not cross * rotation[0, 2] > -0.5:
+        return BAD_ROTATION
+    determinant = (
+        rotation[0, 2] * cross
+        + rotation[1, 2] * (rotation[2, 0] * rotation[0, 1] - rotation[0, 0] * rotation[2, 1])
+        + rotation[2, 2] * (rotation[0, 0] * rotation[1, 1] - rotation[1, 0] * rotation[0, 1])
+    )
+    return OK if determinant > 0 else BAD_ROTATION
+
+
+@njit(**_FAST)
+def _search(rows, start, stop, s):
+    """Nearest triangle of rows[start:stop] for each of the K points: squared distance and index (kept as a float)."""
+    real = s.dtype.type
+    zero = real(0)
+    for k in range(K):
+        s[BEST + k] = real(1e30)
+        s[WINNER + k] = zero
+    for f in range(start, stop):
+        ux, uy, uz, u0 = rows[f, 0], rows[f, 1], rows[f, 2], rows[f, 3]
+        wx, wy, wz, w0 = rows[f, 4], rows[f, 5], rows[f, 6], rows[f, 7]
+        nx, ny, nz, n0 = rows[f, 8], rows[f, 9], rows[f, 10], rows[f, 11]
+        ab = rows[f, 12]
+        bx, by, bc = rows[f, 13], rows[f, 14], rows[f, 15]
+        cx, cy, ac = rows[f, 16], rows[f, 17], rows[f, 18]
+        index = real(f - start)
+        for k in range(K):
+            x, y, z = s[QX + k], s[QY + k], s[QZ + k]
+            p = ux * x + uy * y + uz * z + u0
+            t = wx * x + wy * y + wz * z + w0
+            h = nx * x + ny * y + nz * z + n0
+            # offset beyond the ends along each edge, and across it (positive outside)
+            da = p - min(max(p, zero), ab)
+            pb = p - ab
+            along_b = pb * bx + t * by
+            across_b = pb * by - t * bx
+            db = along_b - min(max(along_b, zero), bc)
+            along_c = p * cx + t * cy
+            across_c = t * cx - p * cy
+            dc = along_c - min(max(along_c, zero), ac)
+            outside = max(max(-t, across_b), across_c)
+            edge = min(min(da * da + t * t, db * db + across_b * across_b), dc * dc + across_c * across_c)
+            d2 = h * h + (edge if outside > zero else zero)
+            best = s[BEST + k]
+            s[WINNER + k] = index if d2 < best else s[WINNER + k]
+            s[BEST + k] = d2 if d2 < best else best
+
+
+@njit(**_FAST)
+def _finish(rows, normals, start, rotation, s, vectors, unit, save):
+    """Closest-point vectors of the winners (hand frame), zero inside; and what the backward pass needs if save."""
+    real = s.dtype.type
+    zero, one = real(0), real(1)
+    r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
+    r10, r11, r12 = rotation[1, 0], rotation[1, 1], rotation[1, 2]
+    r20, r21, r22 = rotation[2, 0], rotation[2, 1], rotation[2, 2]
+    # Table driven: four candidates (edges ab bc ac, face) as offset and direction, one picked by index. If/else here
+    # costs a mispredicted branch per point, and selects are turned into branches by LLVM.
+    s[EDGE + 6] = zero
+    s[EDGE + 7] = zero
+    s[EDGE + 8] = one
+    s[EDGE + 9] = zero
+    s[EDGE + 14] = zero
+    s[EDGE + 15] = zero
+    for k in range(K):
+        f = start + int(s[WINNER + k])
+        x, y, z = s[QX + k], s[QY + k], s[QZ + k]
+        p = rows[f, 0] * x + rows[f, 1] * y + rows[f, 2] * z + rows[f, 3]
+        t = rows[f, 4] * x + rows[f, 5] * y + rows[f, 6] * z + rows[f, 7]
+        h = rows[f, 8] * x + rows[f, 9] * y + rows[f, 10] * z + rows[f, 11]
+        ab, bx, by, bc = rows[f, 12], rows[f, 13], rows[f, 14], rows[f, 15]
+        cx, cy, ac = rows[f, 16], rows[f, 17], rows[f, 18]
+        da = min(max(p, zero), ab) - p
+        pb = p - ab
+        along_b = pb * bx + t * by
+        across_b = pb * by - t * bx
+        db = min(max(along_b, zero), bc) - along_b
+        along_c = p * cx + t * cy
+        across_c = t * cx - p * cy
+        dc = min(max(along_c, zero), ac) - along_c
+        s[EDGE + 0] = da
+        s[EDGE + 1] = -t
+        s[EDGE + 2] = db * bx - across_b * by
+        s[EDGE + 3] = db * by + across_b * bx
+        s[EDGE + 4] = dc * cx + across_c * cy
+        s[EDGE + 5] = dc * cy - across_c * cx
+        s[EDGE + 10] = bx
+        s[EDGE + 11] = by
+        s[EDGE + 12] = cx
+        s[EDGE + 13] = cy
+        ea, eb, ec = da * da + t * t, db * db + across_b * across_b, dc * dc + across_c * across_c
+        nearest = int(eb < ea)
+        nearest += (2 - nearest) * int(ec < min(ea, eb))
+        on_face = int(max(max(-t, across_b), across_c) <= zero)
+        # end of the nearest edge: 0 in between, 1 at its first vertex, 2 at its second; packed feature numbers
+        # 0 face, 1-3 edges ab bc ca, 4-6 vertices a b c, for (edge, end) in base 8 digits.
+        at_a = int(da > zero) + 2 * int(da < zero)
+        at_b = int(db > zero) + 2 * int(db < zero)
+        at_c = int(dc > zero) + 2 * int(dc < zero)
+        end = (at_a | (at_b << 2) | (at_c << 4)) >> (2 * nearest) & 3
+        feature = (0o643652541 >> (3 * (3 * nearest + end)) & 7) * (1 - on_face)
+        pick = nearest + (3 - nearest) * on_face
+        ox, oy, oz = s[EDGE + 2 * pick], s[EDGE + 2 * pick + 1], -h
+        side = ox * normals[f, 3 * feature] + oy * normals[f, 3 * feature + 1] + oz * normals[f, 3 * feature + 2]
+        free = one - real(int(side > zero))
+        vx = (ox * rows[f, 0] + oy * rows[f, 4] + oz * rows[f, 8]) * free
+        vy = (ox * rows[f, 1] + oy * rows[f, 5] + oz * rows[f, 9]) * free
+        vz = (ox * rows[f, 2] + oy * rows[f, 6] + oz * rows[f, 10]) * free
+        vectors[k, 0] = r00 * vx + r01 * vy + r02 * vz
+        vectors[k, 1] = r10 * vx + r11 * vy + r12 * vz
+        vectors[k, 2] = r20 * vx + r21 * vy + r22 * vz
+        if save:
+            # unit vector that keeps its direction: the normal on a face, the edge's own on an edge, none at a vertex
+            on_vertex = int(feature > 3)
+            scale = free * real(1 - on_vertex)
+            tx = s[EDGE + 8 + 2 * pick] * scale
+            ty = s[EDGE + 9 + 2 * pick] * scale
+            tz = real(on_face) * scale
+            ex = tx * rows[f, 0] + ty * rows[f, 4] + tz * rows[f, 8]
+            ey = tx * rows[f, 1] + ty * rows[f, 5] + tz * rows[f, 9]
+            ez = tx * rows[f, 2] + ty * rows[f, 6] + tz * rows[f, 10]
+            unit[k, 0] = r00 * ex + r01 * ey + r02 * ez
+            unit[k, 1] = r10 * ex + r11 * ey + r12 * ez
+            unit[k, 2] = r20 * ex + r21 * ey + r22 * ez
+            unit[k, 3] = free * real(1 - on_face)
+
+
+@njit(**_FAST)
+def _localise(points, position, rotation, s):
+    """Basis points in the object's frame, q = R^T (p - x), as three rows of lanes."""
+    x, y, z = position[0], position[1], position[2]
+    r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
+    r10, r11, r12 = rotation[1, 0], rotation[1, 1], rotation[1, 2]
+    r20, r21, r22 = rotation[2, 0], rotation[2, 1], rotation[2, 2]
+    for k in range(K):
+        s[QX + k], s[QY + k], s[QZ + k] = points[0, k], points[1, k], points[2, k]
+    for k in range(K):
+        dx, dy, dz = s[QX + k] - x, s[QY + k] - y, s[QZ + k] - z
+        s[QX + k] = r00 * dx + r10 * dy + r20 * dz
+        s[QY + k] = r01 * dx + r11 * dy + r21 * dz
+        s[QZ + k] = r02 * dx + r12 * dy + r22 * dz
+
+
+@njit(**_OPTIONS)
+def forward(points, x, R, mesh, offsets, rows, normals, groups, bounds, vectors, unit, save):
+    """Vectors (B, K, 3) from the basis points (3, K) to the posed meshes; returns a status and the row it is about.
+
+    unit receives e and alpha for the backward pass: (B, K, 4) if save, else any (1, K, 4), which is left alone.
+    """
+    s = np.empty(SCRATCH, dtype=vectors.dtype)
+    for b in range(x.shape[0]):
+        status = _check(x[b], R[b], mesh[b], offsets.shape[0] - 1)
+        if status != OK:
+            return status, b
+        start, stop = offsets[mesh[b]], offsets[mesh[b] + 1]
+        _localise(points, x[b], R[b], s)
+        _search(rows, start, stop, s)
+        _finish(rows, normals, start, R[b], s, vectors[b], unit[b if save else 0], save)
+    return OK, 0
+
+
+@njit(**_FAST)
+def backward(points, x, R, vectors, unit, gradient, x_gradient, R_gradient):
+    """Closed form, no search. With g the incoming gradient (B, K, 3) of each vector v, and e, alpha from forward:
+    h = alpha g + (1 - 2 alpha) (e.g) e,  dL/dx = sum h,  dL/dR = [sum g v^T - (p - x) h^T] R.
+    """
+    real = vectors.dtype.type
+    zero, one, two = real(0), real(1), real(2)
+    for b in range(x.shape[0]):
+        x0, x1, x2 = x[b, 0], x[b, 1], x[b, 2]
+        h0, h1, h2 = zero, zero, zero
+        m00, m01, m02, m10, m11, m12, m20, m21, m22 = zero, zero, zero, zero, zero, zero, zero, zero, zero
+        for k in range(K):
+            g0, g1, g2 = gradient[b, k, 0], gradient[b, k, 1], gradient[b, k, 2]
+            v0, v1, v2 = vectors[b, k, 0], vectors[b, k, 1], vectors[b, k, 2]
+            e0, e1, e2, alpha = unit[b, k, 0], unit[b, k, 1], unit[b, k, 2], unit[b, k, 3]
+            along = (one - two * alpha) * (e0 * g0 + e1 * g1 + e2 * g2)
+            a0, a1, a2 = alpha * g0 + along * e0, alpha * g1 + along * e1, alpha * g2 + along * e2
+            p0, p1, p2 = points[0, k] - x0, points[1, k] - x1, points[2, k] - x2
+            h0 += a0
+            h1 += a1
+            h2 += a2
+            m00 += g0 * v0 - p0 * a0
+            m01 += g0 * v1 - p0 * a1
+            m02 += g0 * v2 - p0 * a2
+            m10 += g1 * v0 - p1 * a0
+            m11 += g1 * v1 - p1 * a1
+            m12 += g1 * v2 - p1 * a2
+            m20 += g2 * v0 - p2 * a0
+            m21 += g2 * v1 - p2 * a1
+            m22 += g2 * v2 - p2 * a2
+        x_gradient[b, 0], x_gradient[b, 1], x_gradient[b, 2] = h0, h1, h2
+        for j in range(3):
+            c0, c1, c2 = R[b, 0, j], R[b, 1, j], R[b, 2, j]
+            R_gradient[b, 0, j] = m00 * c0 + m01 * c1 + m02 * c2
+            R_gradient[b, 1, j] = m10 * c0 + m11 * c1 + m12 * c2
+            R_gradient[b, 2, j] = m20 * c0 + m21 * c1 + m22 * c2

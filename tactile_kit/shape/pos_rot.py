@@ -1,0 +1,18 @@
+"""PosRot: the object's pose, without its shape (section IV-A)."""
+
+from __future__ import annotations
+
+import torch
+
+from tactile_kit.shape.encoding import Encoding
+from tactile_kit.shape.pose import check_pose, pose_features
+
+
+class PosRot(Encoding):
+    """(B, 9): x in metres, hand frame, and the first two columns of R."""
+
+    name, size, observation_size = "pos_rot", 9, 9
+
+    def __call__(self, x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor) -> torch.Tensor:
+        check_pose(self.meshes, x, R, mesh)
+        return pose_features(x, R)
