@@ -51,8 +51,12 @@ def _sequence(seed: int, path: tuple[str | int, ...]) -> np.random.SeedSequence:
         raise SeedError(f"seed = {seed!r}: allowed are integers >= 0") from None
     if number < 0 or isinstance(seed, (bool, np.bool_)):
         raise SeedError(f"seed = {seed!r}: allowed are integers >= 0")
-    # The cache must tell 1 from True and 1.0, which are equal as dictionary keys; the types come along for that.
-    return np.random.SeedSequence(number, spawn_key=_spawn_key(path, tuple(map(type, path))))
+    try:
+        # The cache must tell 1 from True and 1.0, which are equal as dictionary keys; the types come along for that.
+        key = _spawn_key(path, tuple(map(type, path)))
+    except TypeError:  # unhashable, so neither text nor a number
+        raise SeedError(f"stream path {path!r}: allowed are text and integers") from None
+    return np.random.SeedSequence(number, spawn_key=key)
 
 
 @lru_cache(maxsize=4096)
