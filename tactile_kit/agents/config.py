@@ -1,0 +1,85 @@
+"""Settings of the learners: networks, PPO and SAC with their presets. No torch here, so that ``--help`` is quick."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+
+
+class Settings(BaseModel):
+    """Frozen settings; unknown keys are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class NetworkConfig(Settings):
+    """One multi-layer perceptron."""
+
+    hidden: tuple[PositiveInt, ...] = (512, 512, 256, 128)
+    activation: Literal["elu", "relu", "silu"] = "elu"
+    dense: bool = True  # D2RL: the input is concatenated to every hidden layer's input (Sinha et al. 2020)
+    layer_norm: bool = False
+
+
+class PPOConfig(Settings):
+    """PPO with the hyper-parameters of the paper's website page; those it leaves open are marked 'own choice'."""
+
+    rollout: PositiveInt = Field(32, description="Vector steps between updates (the paper's T).")
+    minibatch: PositiveInt = Field(2**15, description="Transitions a gradient step.")
+    epochs: PositiveInt = Field(5, description="Passes over a roll-out (own choice).")
+    learning_rate: PositiveFloat = Field(3e-4, description="At the start; then adapted on the KL divergence.")
+    learning_rate_bounds: tuple[PositiveFloat, PositiveFloat] = (1e-6, 1e-2)
+    kl_threshold: PositiveFloat = 0.016
+    clip: PositiveFloat = 0.2
+    entropy: float = Field(1e-3, ge=0)
+    gamma: float = Field(0.99, gt=0, le=1)
+    gae_lambda: float = Field(0.95, ge=0, le=1)
+    critic_coefficient: PositiveFloat = 4.0
+    weight_decay: float = Field(1e-5, ge=0)
+    max_gradient_norm: PositiveFloat = Field(1.0, description="Own choice.")
+    log_std: float = Field(-0.5, description="Initial log sigma of the actions, state-independent (own choice).")
+    actor: NetworkConfig = NetworkConfig()
+    critic: NetworkConfig = NetworkConfig()
+    bfloat16: bool = Field(False, description="Matrix products of the update in bfloat16 (autocast).")
+
+    @classmethod
+    def preset(cls, name: Literal["paper", "small"]) -> PPOConfig:
+        """``paper``: 4096 environments, minibatches of 2^15. ``small``: tens to hundreds of environments."""
+        if name == "paper":
+            return cls()
+        if name == "small":
+            small = NetworkConfig(hidden=(256, 256, 128))
+            return cls(rollout=64, minibatch=2048, actor=small, critic=small, bfloat16=True)
+        raise ValueError(f"PPO preset {name!r} unknown: 'paper' or 'small'")
+
+
+class SACConfig(Settings):
+    """SAC with goal relabelling, the off-policy recipe for few cores."""
+
+    capacity: PositiveInt = Field(500_000, description="Transitions kept.")
+    batch: PositiveInt = Field(512, description="Transitions a gradient step.")
+    updates: float = Field(1.0, ge=0, description="Gradient steps a vector step; fractions accumulate.")
+    warmup: int = Field(2_000, ge=0, description="Transitions collected before the first gradient step.")
+    gamma: float = Field(0.95, gt=0, le=1)
+    tau: float = Field(0.005, gt=0, le=1)
+    learning_rate: PositiveFloat = 3e-4
+    entropy_learning_rate: PositiveFloat = 3e-4
+    target_entropy: float = -6.0
+    initial_temperature: PositiveFloat = 0.05
+    log_std: float = Field(-0.7, description="Bias of the actor's log sigma before the squashing.")
+    actor_every: PositiveInt = Field(1, description="Critic updates an actor update.")
+    random_goals: float = Field(0.25, ge=0, le=1, description="Share of each batch given random goals on SO(3).")
+    future_goals: float = Field(0.25, ge=0, le=1, description="Share given orientations reached later.")
+    future_steps: PositiveInt = Field(50, description="At most so many steps later.")
+    actor: NetworkConfig = NetworkConfig(hidden=(256, 256), activation="relu", dense=False)
+    critic: NetworkConfig = NetworkConfig(hidden=(256, 256), activation="relu", dense=False, layer_norm=True)
+    critics: PositiveInt = 2
+    bfloat16: bool = Field(True, description="Matrix products of the update in bfloat16 (autocast).")
+
+    @classmethod
+    def preset(cls, name: Literal["small"]) -> SACConfig:
+        """``small``: what two cores learn with in hours."""
+        if name == "small":
+            return cls()
+        raise ValueError(f"SAC preset {name!r} unknown: 'small'")

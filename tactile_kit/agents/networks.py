@@ -1,0 +1,320 @@
+"""Policy and value networks: D2RL perceptrons on normalised observations.
+
+Every network reads ``ObservationFeatures``: the observation, normalised by running statistics shared by actor and
+critics, with the shape slice passed through the encoding's learned layer where it has one (PointNet: 768 -> 64).
+Inputs are laid out with the features *last* in every weight matrix, so that a warm start can map columns by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import torch
+import torch.nn.functional as F
+from gymnasium import spaces
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from torch import Tensor, nn
+
+from tactile_kit.agents.config import NetworkConfig
+
+ACTIVATIONS: dict[str, type[nn.Module]] = {"elu": nn.ELU, "relu": nn.ReLU, "silu": nn.SiLU}
+CLIP = 5.0  # standard deviations, rl_games' clip of normalised observations
+LOG_STD_MIN, LOG_STD_MAX = -5.0, 1.0  # of the squashed policy; beyond +1 the squashed Gaussian is bimodal
+
+
+@dataclass(frozen=True)
+class InputLayout:
+    """What a network reads: ordered term names and sizes, and the learned shape layer.
+
+    Attributes:
+        terms: ``((name, size), ...)`` in the order of the observation.
+        shape_layer: makes a module from the shape term's size to ``shape_size``, one for each network; or None.
+        shape_size: size of the shape term behind ``shape_layer``.
+    """
+
+    terms: tuple[tuple[str, int], ...]
+    shape_layer: Callable[[], nn.Module | None] | None = field(default=None, compare=False)
+    shape_size: int | None = None
+
+    @classmethod
+    def of_env(cls, env) -> InputLayout:
+        """The layout of a vector environment: its ``layout`` and, where it has one, its ``encoding``."""
+        terms = tuple((str(name), int(size)) for name, size in term_sizes(env.layout).items())
+        encoding = getattr(env, "encoding", None)
+        return cls.of_encoding(terms, encoding)
+
+    @classmethod
+    def of_encoding(cls, terms: tuple[tuple[str, int], ...], encoding) -> InputLayout:
+        """The layout of observation terms whose shape term ``encoding`` (or None) made."""
+        if encoding is None or encoding.size == encoding.observation_size:
+            return cls(terms)
+        return cls(terms, encoding.features, int(encoding.size))
+
+    @property
+    def size(self) -> int:
+        return sum(size for _, size in self.terms)
+
+    @property
+    def shape_slice(self) -> slice | None:
+        start = 0
+        for name, size in self.terms:
+            if name == "shape":
+                return slice(start, start + size) if size else None
+            start += size
+        return None
+
+    @property
+    def features(self) -> tuple[tuple[str, int], ...]:
+        """Names and sizes of the features behind the shape layer."""
+        if self.shape_layer is None:
+            return self.terms
+        return tuple((name, self.shape_size if name == "shape" else size) for name, size in self.terms)  # type: ignore[misc]
+
+    @property
+    def features_size(self) -> int:
+        return sum(size for _, size in self.features)
+
+
+def term_sizes(layout) -> dict[str, int]:
+    """Names and sizes of an observation layout, in order."""
+    if hasattr(layout, "sizes") and isinstance(layout.sizes, dict):
+        return dict(layout.sizes)
+    names = list(layout.names)
+    return {name: layout.slice(name).stop - layout.slice(name).start for name in names}
+
+
+class RunningNorm(nn.Module):
+    """Normalisation by running mean and standard deviation, clipped to ±5; the statistics are buffers.
+
+    They change only through :meth:`update`, so that evaluation is frozen and a roll-out sees one normalisation.
+
+    Args:
+        size: D, entries of an observation.
+        pooled: slice whose entries share one mean and deviation: point clouds, whose order and axes mean nothing.
+    """
+
+    mean: Tensor
+    variance: Tensor
+    count: Tensor
+    shift: Tensor
+    scale: Tensor
+
+    def __init__(self, size: int, pooled: slice | None = None) -> None:
+        super().__init__()
+        self.pooled = pooled
+        self.register_buffer("mean", torch.zeros(size, dtype=torch.float64))
+        self.register_buffer("variance", torch.ones(size, dtype=torch.float64))
+        # one count an entry: entries added by a warm start begin at zero
+        self.register_buffer("count", torch.zeros(size, dtype=torch.float64))
+        self.register_buffer("shift", torch.zeros(size), persistent=False)
+        self.register_buffer("scale", torch.ones(size), persistent=False)
+        self.register_load_state_dict_post_hook(lambda module, keys: module.refresh())
+
+    @torch.no_grad()
+    def update(self, observations: Tensor) -> None:
+        """Take in a batch ``(B, D)`` (Chan et al.'s parallel update)."""
+        batch = observations.to(torch.float64)
+        variance, mean = torch.var_mean(batch, dim=0, correction=0)
+        if self.pooled is not None:
+            block = batch[:, self.pooled]
+            variance[self.pooled], mean[self.pooled] = torch.var_mean(block, correction=0)
+        count = float(len(batch))
+        total = self.count + count
+        delta = mean - self.mean
+        before = torch.where(self.count > 0, self.variance, torch.zeros_like(self.variance)) * self.count
+        self.variance.copy_((before + variance * count + delta.square() * self.count * count / total) / total)
+        self.mean.add_(delta * count / total)
+        self.count.copy_(total)
+        self.refresh()
+
+    @torch.no_grad()
+    def refresh(self) -> None:
+        """Recompute the float32 shift and scale from the statistics."""
+        scale = (self.variance + 1e-8).rsqrt()
+        self.scale.copy_(scale)
+        self.shift.copy_(-self.mean * scale)
+
+    def forward(self, observations: Tensor) -> Tensor:
+        return torch.addcmul(self.shift, observations, self.scale).clamp_(-CLIP, CLIP)
+
+
+class ObservationFeatures(BaseFeaturesExtractor):
+    """Observation ``(B, D)`` to features ``(B, F)``: normalisation, then the learned shape layer.
+
+    Args:
+        observation_space: Box ``(D,)``.
+        layout: what the observation holds.
+        norm: the shared statistics; None makes new ones.
+    """
+
+    def __init__(self, observation_space: spaces.Space, layout: InputLayout, norm: RunningNorm | None = None) -> None:
+        super().__init__(observation_space, layout.features_size)
+        if observation_space.shape != (layout.size,):
+            raise ValueError(f"observation space {observation_space.shape} is not the layout's ({layout.size},)")
+        pooled = layout.shape_slice if layout.shape_layer is not None else None
+        self.norm = norm if norm is not None else RunningNorm(layout.size, pooled)
+        self.shape = layout.shape_layer() if layout.shape_layer is not None else None
+        self.slice = layout.shape_slice
+
+    def embed(self, normalised: Tensor) -> Tensor:
+        """Features of observations that are normalised already; several networks share that work."""
+        if self.shape is None or self.slice is None:
+            return normalised
+        block = self.shape(normalised[:, self.slice])
+        return torch.cat([normalised[:, : self.slice.start], block, normalised[:, self.slice.stop :]], dim=1)
+
+    def forward(self, observations: Tensor) -> Tensor:
+        return self.embed(self.norm(observations))
+
+
+class Perceptron(nn.Module):
+    """Hidden layers ``(B, F) -> (B, hidden[-1])``; ``dense`` concatenates the input to every layer's input (D2RL)."""
+
+    def __init__(self, inputs: int, config: NetworkConfig) -> None:
+        super().__init__()
+        self.dense = config.dense
+        self.activation = ACTIVATIONS[config.activation]()
+        widths = [0, *config.hidden]
+        self.layers = nn.ModuleList(
+            nn.Linear(before + (inputs if index == 0 or config.dense else 0), after)
+            for index, (before, after) in enumerate(zip(widths[:-1], widths[1:], strict=True))
+        )
+        norms = [nn.LayerNorm(width) for width in config.hidden] if config.layer_norm else []
+        self.norms = nn.ModuleList(norms)
+        self.size = config.hidden[-1]
+
+    def forward(self, features: Tensor) -> Tensor:
+        hidden = features
+        for index, layer in enumerate(self.layers):
+            if self.dense and index:
+                hidden = torch.cat([hidden, features], dim=1)
+            hidden = layer(hidden)
+            if len(self.norms):
+                hidden = self.norms[index](hidden)
+            hidden = self.activation(hidden)
+        return hidden
+
+
+class GaussianPolicy(nn.Module):
+    """The actor: mean and log standard deviation of the action, for PPO and SAC alike.
+
+    Args:
+        features: the observation's features.
+        actions: A, size of the action.
+        config: layers.
+        squashed: SAC's tanh-squashed Gaussian with a state-dependent sigma; otherwise PPO's with one parameter.
+        log_std: initial log sigma.
+        rest: ``(A,)`` action in [-1, 1] that an untrained policy takes on average (the mean grasp).
+    """
+
+    def __init__(
+        self,
+        features: ObservationFeatures,
+        actions: int,
+        config: NetworkConfig,
+        *,
+        squashed: bool,
+        log_std: float = 0.0,
+        rest: Sequence[float] | None = None,
+    ) -> None:
+        super().__init__()
+        self.features = features
+        self.squashed = squashed
+        self.trunk = Perceptron(features.features_dim, config)
+        self.mean = nn.Linear(self.trunk.size, actions)
+        with torch.no_grad():
+            self.mean.weight.mul_(0.01 * 3**0.5)  # nearly constant at first, as SB3's gain of 0.01
+            self.mean.bias.zero_()
+            if rest is not None:
+                action = torch.as_tensor(rest, dtype=torch.float32).clamp(-0.98, 0.98)
+                self.mean.bias.copy_(torch.atanh(action) if squashed else action)
+        if squashed:
+            self.log_std = nn.Linear(self.trunk.size, actions)
+            with torch.no_grad():
+                self.log_std.weight.mul_(0.1)
+                self.log_std.bias.fill_(log_std)
+        else:
+            self.log_std = nn.Parameter(torch.full((actions,), float(log_std)))  # type: ignore[assignment]
+
+    def moments(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean ``(B, A)`` and log sigma ``(B, A)`` or ``(A,)``, before squashing, float32."""
+        latent = self.trunk(features)
+        mean = self.mean(latent).float()
+        if self.squashed:
+            return mean, self.log_std(latent).float().clamp(LOG_STD_MIN, LOG_STD_MAX)
+        return mean, self.log_std  # type: ignore[return-value]
+
+    def squashed_sample(self, features: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
+        """Reparametrised squashed action ``(B, A)`` and its log density ``(B,)`` for standard normal noise."""
+        mean, log_std = self.moments(features)
+        raw = mean + log_std.exp() * noise
+        normal = -0.5 * noise.square() - log_std - 0.918938533204673  # log sqrt(2 pi)
+        # log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2u)), stable for large u
+        squash = 2.0 * (0.693147180559945 - raw - F.softplus(-2.0 * raw))
+        return torch.tanh(raw), (normal - squash).sum(1)
+
+    def act(self, observations: Tensor, noise: Tensor | None = None) -> Tensor:
+        """Actions ``(B, A)`` in [-1, 1] for observations ``(B, D)``: the mode, or a sample for given noise."""
+        mean, log_std = self.moments(self.features(observations))
+        raw = mean if noise is None else mean + log_std.exp() * noise
+        return torch.tanh(raw) if self.squashed else raw.clamp(-1.0, 1.0)
+
+
+class ValueNetwork(nn.Module):
+    """PPO's critic: observations ``(B, D)`` to values ``(B, 1)``."""
+
+    def __init__(self, features: ObservationFeatures, config: NetworkConfig) -> None:
+        super().__init__()
+        self.features = features
+        self.trunk = Perceptron(features.features_dim, config)
+        self.head = nn.Linear(self.trunk.size, 1)
+
+    def forward(self, observations: Tensor) -> Tensor:
+        return self.embed(self.features(observations))
+
+    def embed(self, features: Tensor) -> Tensor:
+        return self.head(self.trunk(features)).float()
+
+
+class CriticEnsemble(nn.Module):
+    """SAC's critics, computed together: features ``(B, F)`` and actions ``(B, A)`` to values ``(n, B)``.
+
+    All critics' first layers are one wide matrix product, the following ones batched ones: on a CPU that is faster
+    than one network after the other. Weights are ``(n, out, in)``, the first with columns [actions, features].
+    """
+
+    def __init__(self, features: ObservationFeatures, actions: int, config: NetworkConfig, critics: int = 2) -> None:
+        super().__init__()
+        if config.dense:
+            raise ValueError("critic.dense: the critics of SAC have no D2RL form; set it to false")
+        self.features = features
+        self.critics, self.actions = critics, actions
+        self.activation = ACTIVATIONS[config.activation]()
+        widths = [actions + features.features_dim, *config.hidden, 1]
+        self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
+        for before, after in zip(widths[:-1], widths[1:], strict=True):
+            bound = before**-0.5
+            self.weights.append(nn.Parameter(torch.empty(critics, after, before).uniform_(-bound, bound)))
+            self.biases.append(nn.Parameter(torch.empty(critics, 1, after).uniform_(-bound, bound)))
+        self.gains, self.offsets = nn.ParameterList(), nn.ParameterList()
+        if config.layer_norm:
+            for width in config.hidden:
+                self.gains.append(nn.Parameter(torch.ones(critics, 1, width)))
+                self.offsets.append(nn.Parameter(torch.zeros(critics, 1, width)))
+
+    def embed(self, features: Tensor, actions: Tensor) -> Tensor:
+        inputs = torch.cat([actions, features], dim=1)
+        first = F.linear(inputs, self.weights[0].flatten(0, 1))
+        hidden = first.view(len(inputs), self.critics, -1).transpose(0, 1) + self.biases[0]
+        for index in range(1, len(self.weights)):
+            if len(self.gains):
+                hidden = F.layer_norm(hidden.float(), hidden.shape[-1:])
+                hidden = torch.addcmul(self.offsets[index - 1], hidden, self.gains[index - 1])
+            hidden = self.activation(hidden)
+            hidden = torch.bmm(hidden, self.weights[index].transpose(1, 2)) + self.biases[index]
+        return hidden.squeeze(-1).float()
+
+    def forward(self, observations: Tensor, actions: Tensor) -> tuple[Tensor, ...]:
+        """SB3's form: one ``(B, 1)`` tensor a critic."""
+        return tuple(value[:, None] for value in self.embed(self.features(observations), actions))
