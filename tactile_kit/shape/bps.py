@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from tactile_kit.shape.encoding import Encoding
+from tactile_kit.shape.base import Encoding
 from tactile_kit.shape.function import bps_vectors
 
 

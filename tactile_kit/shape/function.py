@@ -18,7 +18,10 @@ def basis_points() -> np.ndarray:
     return np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
-_LANES = {torch.float32: np.ascontiguousarray(basis_points().T, np.float32), torch.float64: basis_points().T.copy()}
+_LANES = {
+    torch.float32: np.ascontiguousarray(basis_points().T, np.float32),
+    torch.float64: basis_points().T.copy(),
+}
 _UNSAVED = {dtype: np.zeros((1, kernels.K, 4), lanes.dtype) for dtype, lanes in _LANES.items()}
 
 
@@ -40,7 +43,12 @@ def bps_vectors(table: MeshTable, x: torch.Tensor, R: torch.Tensor, mesh: torch.
     if dtype not in _LANES or R.dtype != dtype or mesh.dtype != torch.int64 or x.ndim != 2:
         _refuse(x, R, mesh)
     size = x.shape[0]
-    if x.shape[1] != 3 or R.shape != (size, 3, 3) or mesh.shape != (size,) or not (x.is_cpu and R.is_cpu and mesh.is_cpu):
+    if (
+        x.shape[1] != 3
+        or R.shape != (size, 3, 3)
+        or mesh.shape != (size,)
+        or not (x.is_cpu and R.is_cpu and mesh.is_cpu)
+    ):
         _refuse(x, R, mesh)
     if torch.is_grad_enabled() and (x.requires_grad or R.requires_grad):
         return _Vectors.apply(x, R, mesh, table)
@@ -49,7 +57,9 @@ def bps_vectors(table: MeshTable, x: torch.Tensor, R: torch.Tensor, mesh: torch.
 
 class _Vectors(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor, table: MeshTable) -> torch.Tensor:
+    def forward(
+        ctx: Any, x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor, table: MeshTable
+    ) -> torch.Tensor:
         x, R = x.detach(), R.detach()
         unit = torch.empty((x.shape[0], kernels.K, 4), dtype=x.dtype)
         vectors = _forward(x, R, mesh, table, unit)
@@ -109,9 +119,13 @@ def _refuse(x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor) -> None:
     )
 
 
-def _refuse_row(status: int, row: int, x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor, meshes: int) -> None:
+def _refuse_row(
+    status: int, row: int, x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor, meshes: int
+) -> None:
     if status == kernels.BAD_MESH:
         raise PoseError(f"mesh[{row}] is {int(mesh[row])}, allowed 0..{meshes - 1}")
     if status == kernels.BAD_POSITION:
-        raise PoseError(f"x[{row}] is {x[row].tolist()}, expected finite metres within +-{kernels.MAX_POSITION}")
+        raise PoseError(
+            f"x[{row}] is {x[row].tolist()}, expected finite metres within +-{kernels.MAX_POSITION}"
+        )
     raise PoseError(f"R[{row}] is {R[row].tolist()}, no rotation matrix within {kernels.MAX_SKEW}")

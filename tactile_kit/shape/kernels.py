@@ -35,7 +35,11 @@ def _check(position, rotation, mesh, meshes):
         if not abs(position[i]) <= MAX_POSITION:
             return BAD_POSITION
         for j in range(i, 3):
-            product = rotation[0, i] * rotation[0, j] + rotation[1, i] * rotation[1, j] + rotation[2, i] * rotation[2, j]
+            product = (
+                rotation[0, i] * rotation[0, j]
+                + rotation[1, i] * rotation[1, j]
+                + rotation[2, i] * rotation[2, j]
+            )
             if not abs(product - (1 if i == j else 0)) <= MAX_SKEW:
                 return BAD_ROTATION
     cross = rotation[1, 0] * rotation[2, 1] - rotation[2, 0] * rotation[1, 1]
@@ -142,7 +146,9 @@ def _finish(rows, normals, start, rotation, s, vectors, unit, save):
         feature = (0o643652541 >> (3 * (3 * nearest + end)) & 7) * (1 - on_face)
         pick = nearest + (3 - nearest) * on_face
         ox, oy, oz = s[EDGE + 2 * pick], s[EDGE + 2 * pick + 1], -h
-        side = ox * normals[f, 3 * feature] + oy * normals[f, 3 * feature + 1] + oz * normals[f, 3 * feature + 2]
+        side = (
+            ox * normals[f, 3 * feature] + oy * normals[f, 3 * feature + 1] + oz * normals[f, 3 * feature + 2]
+        )
         free = one - real(int(side > zero))
         vx = (ox * rows[f, 0] + oy * rows[f, 4] + oz * rows[f, 8]) * free
         vy = (ox * rows[f, 1] + oy * rows[f, 5] + oz * rows[f, 9]) * free

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from tactile_kit.shape.encoding import Encoding
+from tactile_kit.shape.base import Encoding
 from tactile_kit.shape.function import bps_vectors
 from tactile_kit.shape.pose import check_pose, pose_features
 from tactile_kit.shape.tables import MeshTable

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from randomization import stream
-from tactile_kit.shape.encoding import Encoding
+from tactile_kit.shape.base import Encoding
 from tactile_kit.shape.pose import check_pose
 from tactile_kit.shape.tables import MeshTable
 
@@ -28,7 +28,9 @@ class PointNet(Encoding):
     def __init__(self, meshes: MeshTable, seed: int = 0) -> None:
         super().__init__(meshes)
         draws = stream(seed, "shape", "pointnet").random((POINTS, 3))
-        points = torch.from_numpy(np.stack([surface_points(meshes.triangles(i), draws) for i in range(len(meshes))]))
+        points = torch.from_numpy(
+            np.stack([surface_points(meshes.triangles(i), draws) for i in range(len(meshes))])
+        )
         self._points = {torch.float32: points.float(), torch.float64: points}
 
     def __call__(self, x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor) -> torch.Tensor:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import difflib
 
+from tactile_kit.shape.base import Encoding
 from tactile_kit.shape.bps import BPS
-from tactile_kit.shape.encoding import Encoding
 from tactile_kit.shape.mesh import Mesh
 from tactile_kit.shape.none import NoShape
 from tactile_kit.shape.pointnet import PointNet
@@ -23,5 +23,7 @@ def encoding(name: str, meshes: MeshTable) -> Encoding:
     """The encoding of that name over these meshes. Raises ValueError naming the nearest valid name."""
     if name not in ENCODINGS:
         nearest = difflib.get_close_matches(str(name), ENCODINGS, n=1, cutoff=0)
-        raise ValueError(f"unknown encoding {name!r}: did you mean {nearest[0]!r}? Allowed: {', '.join(ENCODINGS)}")
+        raise ValueError(
+            f"unknown encoding {name!r}: did you mean {nearest[0]!r}? Allowed: {', '.join(ENCODINGS)}"
+        )
     return ENCODINGS[name](meshes)

@@ -31,7 +31,9 @@ class MeshTable:
     extents: (N, 3) float64, metres, bounding box of each mesh
     """
 
-    def __init__(self, corners: np.ndarray, offsets: np.ndarray, neighbours: np.ndarray, vertices: np.ndarray) -> None:
+    def __init__(
+        self, corners: np.ndarray, offsets: np.ndarray, neighbours: np.ndarray, vertices: np.ndarray
+    ) -> None:
         """Use :meth:`from_meshes`. neighbours (F, 3) triangle across edges ab, bc, ca; vertices (F, 3) vertex ids."""
         order = np.arange(len(corners))
         for start, stop in zip(offsets[:-1], offsets[1:], strict=True):
@@ -74,7 +76,9 @@ class MeshTable:
         vertices, faces, owner = merge_vertices(checked)
         corners = vertices[faces]
         neighbours = require_closed(corners, faces, owner, len(checked))
-        offsets = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=len(checked)))]).astype(np.int64)
+        offsets = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=len(checked)))]).astype(
+            np.int64
+        )
         return cls(corners, offsets, neighbours, faces)
 
     def __len__(self) -> int:
@@ -94,7 +98,9 @@ class MeshTable:
         return f"MeshTable({len(self)} meshes, {len(self.corners)} triangles)"
 
 
-def pseudonormals(corners: np.ndarray, neighbours: np.ndarray, vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def pseudonormals(
+    corners: np.ndarray, neighbours: np.ndarray, vertices: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Face normals (F, 3) and the seven feature normals (F, 7, 3): face, edges ab bc ca, vertices a b c; unit length."""
     edges = np.roll(corners, -1, axis=1) - corners  # ab, bc, ca
     cross = np.cross(edges[:, 0], -edges[:, 2])
@@ -124,7 +130,9 @@ def search_rows(corners: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, n
     flat_c = np.einsum("fij,fj->fi", frames[:, :2], c - a)
     bc = flat_c - np.stack([flat_b, np.zeros_like(flat_b)], axis=1)
     rows = np.zeros((len(corners), 20))
-    rows[:, :12] = np.concatenate([frames, -np.einsum("fij,fj->fi", frames, a)[..., None]], axis=2).reshape(-1, 12)
+    rows[:, :12] = np.concatenate([frames, -np.einsum("fij,fj->fi", frames, a)[..., None]], axis=2).reshape(
+        -1, 12
+    )
     rows[:, 12] = flat_b
     for column, edge in ((13, bc), (16, flat_c)):
         length = np.linalg.norm(edge, axis=1)

@@ -11,7 +11,9 @@ import math
 import torch
 
 
-def bps_vectors(points: torch.Tensor, triangles: torch.Tensor, x: torch.Tensor, R: torch.Tensor) -> torch.Tensor:
+def bps_vectors(
+    points: torch.Tensor, triangles: torch.Tensor, x: torch.Tensor, R: torch.Tensor
+) -> torch.Tensor:
     """Vectors from each point to one posed mesh, zero inside (paper eq. 4).
 
     points (K, 3), triangles (F, 3, 3), x (3,), R (3, 3), all float64, metres. Returns (K, 3), differentiable.
@@ -25,12 +27,19 @@ def closest_points(points: torch.Tensor, triangles: torch.Tensor) -> torch.Tenso
     """Closest surface point (K, 3) to each of points (K, 3) on triangles (F, 3, 3)."""
     a, b, c = triangles.unbind(dim=1)
     candidates = torch.stack(
-        [on_plane(points, a, b, c), on_segment(points, a, b), on_segment(points, b, c), on_segment(points, c, a)]
+        [
+            on_plane(points, a, b, c),
+            on_segment(points, a, b),
+            on_segment(points, b, c),
+            on_segment(points, c, a),
+        ]
     )  # (4, K, F, 3)
     distances = torch.linalg.vector_norm(candidates.detach() - points[:, None], dim=-1)
     within = in_triangle(points, a, b, c)
     distances[0] = torch.where(within, distances[0], torch.inf)
-    kind, triangle = torch.unravel_index(distances.transpose(0, 1).flatten(1).argmin(dim=1), (4, len(triangles)))
+    kind, triangle = torch.unravel_index(
+        distances.transpose(0, 1).flatten(1).argmin(dim=1), (4, len(triangles))
+    )
     return candidates[kind, torch.arange(len(points)), triangle]
 
 
@@ -51,7 +60,10 @@ def in_triangle(points: torch.Tensor, a: torch.Tensor, b: torch.Tensor, c: torch
     """Whether those feet lie within the triangles: (K, F) bool."""
     normal = torch.linalg.cross(b - a, c - a)
     sides = [
-        (torch.linalg.cross((end - start).expand(len(points), -1, -1), points[:, None] - start) * normal).sum(-1) >= 0
+        (torch.linalg.cross((end - start).expand(len(points), -1, -1), points[:, None] - start) * normal).sum(
+            -1
+        )
+        >= 0
         for start, end in ((a, b), (b, c), (c, a))
     ]
     return sides[0] & sides[1] & sides[2]

@@ -18,17 +18,25 @@ def checked_mesh(vertices: Any, faces: Any, index: int) -> tuple[np.ndarray, np.
     """One mesh as (V, 3) float64 and (F, 3) int64 after checking shapes, types, ranges and finiteness."""
     vertices, faces = np.asarray(vertices), np.asarray(faces)
     if vertices.ndim != 2 or vertices.shape[1] != 3 or vertices.dtype.kind not in "fiu":
-        raise MeshError(f"mesh {index}: vertices are {vertices.dtype} of shape {vertices.shape}, expected float (V, 3)")
+        raise MeshError(
+            f"mesh {index}: vertices are {vertices.dtype} of shape {vertices.shape}, expected float (V, 3)"
+        )
     if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
-        raise MeshError(f"mesh {index}: faces are {faces.dtype} of shape {faces.shape}, expected integer (F, 3)")
+        raise MeshError(
+            f"mesh {index}: faces are {faces.dtype} of shape {faces.shape}, expected integer (F, 3)"
+        )
     if len(faces) < 4:
         raise MeshError(f"mesh {index}: {len(faces)} triangles cannot close a volume, at least 4 are needed")
     vertices, faces = vertices.astype(np.float64), faces.astype(np.int64)
     finite = np.isfinite(vertices).all(axis=1)
     if not finite.all():
-        raise MeshError(f"mesh {index}: vertex {np.argmin(finite)} is {vertices[np.argmin(finite)]}, not finite")
+        raise MeshError(
+            f"mesh {index}: vertex {np.argmin(finite)} is {vertices[np.argmin(finite)]}, not finite"
+        )
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise MeshError(f"mesh {index}: faces name vertices {faces.min()}..{faces.max()}, allowed 0..{len(vertices) - 1}")
+        raise MeshError(
+            f"mesh {index}: faces name vertices {faces.min()}..{faces.max()}, allowed 0..{len(vertices) - 1}"
+        )
     return vertices, faces
 
 
@@ -55,7 +63,9 @@ def merge_vertices(meshes: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndar
     kept = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     empty = np.bincount(owner[kept], minlength=len(meshes)) < 4
     if empty.any():
-        raise MeshError(f"mesh {np.argmax(empty)}: fewer than 4 triangles have three corners over {MERGE_DISTANCE} m apart")
+        raise MeshError(
+            f"mesh {np.argmax(empty)}: fewer than 4 triangles have three corners over {MERGE_DISTANCE} m apart"
+        )
     return vertices[order[new]], faces[kept], owner[kept]
 
 
@@ -82,7 +92,9 @@ def require_closed(corners: np.ndarray, faces: np.ndarray, owner: np.ndarray, nu
     twice = ordered[1:] == ordered[:-1]
     if twice.any():
         mesh = owner[order[1:][twice][0] // 3]
-        raise MeshError(f"mesh {mesh}: an edge is used twice in one direction (inconsistent winding or more than two faces)")
+        raise MeshError(
+            f"mesh {mesh}: an edge is used twice in one direction (inconsistent winding or more than two faces)"
+        )
     place = np.minimum(np.searchsorted(ordered, reverse), len(ordered) - 1)
     single = ordered[place] != reverse
     if single.any():
@@ -91,8 +103,12 @@ def require_closed(corners: np.ndarray, faces: np.ndarray, owner: np.ndarray, nu
         raise MeshError(f"mesh {mesh}: not watertight, {count} edges have no matching neighbour")
     # Volumes relative to a corner of the mesh: far from the origin the plain sum would cancel.
     local = corners - corners[first][owner][:, :1]
-    volume = np.bincount(owner, np.einsum("fi,fi->f", local[:, 0], np.cross(local[:, 1], local[:, 2])) / 6, number)
+    volume = np.bincount(
+        owner, np.einsum("fi,fi->f", local[:, 0], np.cross(local[:, 1], local[:, 2])) / 6, number
+    )
     if (volume <= 0).any():
         mesh = int(np.argmax(volume <= 0))
-        raise MeshError(f"mesh {mesh}: signed volume {volume[mesh]:.3e} m^3, must be positive (faces wound outward)")
+        raise MeshError(
+            f"mesh {mesh}: signed volume {volume[mesh]:.3e} m^3, must be positive (faces wound outward)"
+        )
     return (order[place] // 3).reshape(-1, 3)
