@@ -1,0 +1,243 @@
+"""PPO as the paper trains with it (section III-D; settings of the paper's website page).
+
+Separate actor and critic on the same observation, one sigma a joint, and a learning rate that follows the
+Kullback-Leibler divergence between the policy that collected and the one being updated, as in rl_games.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import stable_baselines3
+import torch
+from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv
+
+from randomization import derive, stream
+from tactile_kit.agents.config import PPOConfig
+from tactile_kit.agents.networks import InputLayout
+from tactile_kit.agents.policies import HandActorCriticPolicy
+from tactile_kit.agents.state import (
+    Means,
+    Tensors,
+    Values,
+    pack,
+    pack_numpy_generator,
+    pack_optimizer,
+    unpack,
+    unpack_numpy_generator,
+    unpack_optimizer,
+)
+
+_HALF_LOG_2PI = 0.918938533204673
+
+
+def gaussian_log_density(action, mean, log_std):
+    """Log density ``(B,)`` of actions ``(B, A)`` under a diagonal Gaussian, log sigma ``(A,)``."""
+    return (-0.5 * ((action - mean) * (-log_std).exp()).square() - log_std - _HALF_LOG_2PI).sum(1)
+
+
+def gaussian_divergence(mean, log_std, old_mean, old_log_std):
+    """Mean KL(old || new) of diagonal Gaussians, means ``(B, A)``, log sigmas ``(A,)``."""
+    ratio = (2.0 * (old_log_std - log_std)).exp()
+    distance = ((old_mean - mean) * (-log_std).exp()).square()
+    return (log_std - old_log_std + 0.5 * (ratio + distance - 1.0)).sum(1).mean()
+
+
+def adapted_rate(rate: float, divergence: float, threshold: float, bounds: tuple[float, float]) -> float:
+    """rl_games' rule: slower by 1.5 above twice the threshold, faster by 1.5 below half of it, within bounds."""
+    if divergence > 2.0 * threshold:
+        return max(rate / 1.5, bounds[0])
+    if divergence < 0.5 * threshold:
+        return min(rate * 1.5, bounds[1])
+    return rate
+
+
+class PPO(stable_baselines3.PPO):
+    """Proximal policy optimisation on a reorientation vector environment.
+
+    Args:
+        env: the vector environment; its ``layout`` and, where present, ``encoding`` are used.
+        config: settings.
+        seed: names every random stream of the learner; no global generator is read.
+        rest: ``(A,)`` action an untrained policy takes on average.
+    """
+
+    policy: HandActorCriticPolicy  # type: ignore[assignment]
+
+    def __init__(
+        self, env: VecEnv, config: PPOConfig | None = None, *, seed: int = 0, rest: tuple[float, ...] | None = None
+    ) -> None:
+        self.config = config = config or PPOConfig()
+        transitions = config.rollout * env.num_envs
+        if transitions < config.minibatch and transitions % 2:
+            raise ValueError(f"a roll-out of {transitions} transitions is too small for PPO")
+        self.input_layout = layout = InputLayout.of_env(env)
+        self.noise = torch.Generator().manual_seed(derive(seed, "learner", "noise"))
+        self.order = stream(seed, "learner", "minibatches")
+        self.rate = config.learning_rate
+        self._means = Means()
+        policy: dict[str, Any] = {
+            "layout": layout,
+            "actor": config.actor,
+            "critic": config.critic,
+            "log_std": config.log_std,
+            "rest": rest,
+            "optimizer_kwargs": {"fused": True, "eps": 1e-8, "weight_decay": config.weight_decay},
+        }
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(derive(seed, "learner", "weights"))
+            super().__init__(
+                HandActorCriticPolicy,
+                env,
+                learning_rate=config.learning_rate,
+                n_steps=config.rollout,
+                batch_size=min(config.minibatch, transitions),
+                n_epochs=config.epochs,
+                gamma=config.gamma,
+                gae_lambda=config.gae_lambda,
+                clip_range=config.clip,
+                ent_coef=config.entropy,
+                vf_coef=config.critic_coefficient,
+                max_grad_norm=config.max_gradient_norm,
+                policy_kwargs=policy,
+                device="cpu",
+            )
+        self.policy.set_training_mode(False)
+
+    def set_random_seed(self, seed: int | None = None) -> None:
+        """SB3's hook seeds global generators; this learner has its own."""
+
+    # ---- collecting --------------------------------------------------------------------------------------------------
+    def collect_rollouts(  # type: ignore[override]
+        self, env: VecEnv, callback: BaseCallback, rollout_buffer: RolloutBuffer, n_rollout_steps: int
+    ) -> bool:
+        """Fill the roll-out buffer; episodes ended by time count the value of what they did not see."""
+        assert self._last_obs is not None
+        callback.on_rollout_start()
+        rollout_buffer.reset()
+        dones = self._last_episode_starts
+        for _ in range(n_rollout_steps):
+            observations = np.array(self._last_obs, dtype=np.float32)  # the environment may reuse its buffers
+            with torch.no_grad():
+                mean, log_std, values = self.policy.moments_and_values(torch.from_numpy(observations))
+                noise = torch.randn(mean.shape, generator=self.noise)
+                actions = mean + log_std.exp() * noise
+                density = gaussian_log_density(actions, mean, log_std)
+            new_obs, rewards, dones, infos = env.step(actions.clamp(-1.0, 1.0).numpy())
+            self.num_timesteps += env.num_envs
+            self._update_info_buffer(infos, dones)
+            rewards = self._bootstrap(np.array(rewards, dtype=np.float32), infos, dones)
+            starts = self._last_episode_starts
+            rollout_buffer.add(observations, actions.numpy(), rewards, starts, values, density)  # type: ignore[arg-type]
+            self._last_obs, self._last_episode_starts = new_obs, dones  # type: ignore[assignment]
+            callback.update_locals(locals())
+            if not callback.on_step():
+                return False
+        with torch.no_grad():
+            last = self.policy.predict_values(torch.from_numpy(np.array(self._last_obs, dtype=np.float32)))
+        rollout_buffer.compute_returns_and_advantage(last_values=last, dones=dones)  # type: ignore[arg-type]
+        callback.on_rollout_end()
+        return True
+
+    def _bootstrap(self, rewards: np.ndarray, infos: list[dict], dones: np.ndarray) -> np.ndarray:
+        cut = [i for i in np.flatnonzero(dones) if infos[i].get("TimeLimit.truncated", False)]
+        if cut:
+            terminal = np.stack([infos[i]["terminal_observation"] for i in cut]).astype(np.float32)
+            with torch.no_grad():
+                rewards[cut] += self.gamma * self.policy.predict_values(torch.from_numpy(terminal)).squeeze(1).numpy()
+        return rewards
+
+    def iterate(self, callback: BaseCallback) -> bool:
+        """One roll-out and its update; False when the callback asked to stop."""
+        assert self.env is not None
+        go_on = self.collect_rollouts(self.env, callback, self.rollout_buffer, self.n_steps)
+        if go_on:
+            self.train()
+        return go_on
+
+    # ---- learning ----------------------------------------------------------------------------------------------------
+    def train(self) -> None:
+        """Epochs of minibatch updates on the roll-out, then the normaliser takes in its observations."""
+        config, buffer = self.config, self.rollout_buffer
+        observations = _flat(buffer.observations)
+        actions, advantages = _flat(buffer.actions), _flat(buffer.advantages)
+        returns, densities = _flat(buffer.returns), _flat(buffer.log_probs)
+        inputs = self.policy.norm(observations)  # frozen during the update: once is enough
+        actor, critic, optimizer = self.policy.actor, self.policy.critic, self.policy.optimizer
+        parameters = [p for group in optimizer.param_groups for p in group["params"]]
+        with torch.no_grad():
+            old_log_std = actor.log_std.clone()
+            old_means = torch.cat([actor.moments(actor.features.embed(part))[0] for part in inputs.split(2**14)])
+        batches = max(len(inputs) // self.batch_size, 1)
+        for _ in range(config.epochs):
+            for chosen in np.array_split(self.order.permutation(len(inputs)), batches):
+                at = torch.from_numpy(chosen)
+                batch = inputs[at]
+                with torch.autocast("cpu", torch.bfloat16, enabled=config.bfloat16):
+                    mean, log_std = actor.moments(actor.features.embed(batch))
+                    value = critic.embed(critic.features.embed(batch)).squeeze(1)
+                advantage = advantages[at]
+                advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+                ratio = (gaussian_log_density(actions[at], mean, log_std) - densities[at]).exp()
+                clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
+                policy_loss = -torch.min(advantage * ratio, advantage * clipped).mean()
+                value_loss = (value - returns[at]).square().mean()
+                entropy = (log_std + 0.5 + _HALF_LOG_2PI).sum()
+                loss = policy_loss + config.critic_coefficient * value_loss - config.entropy * entropy
+                optimizer.zero_grad()
+                loss.backward()
+                torch.nn.utils.clip_grad_norm_(parameters, config.max_gradient_norm)
+                with torch.no_grad():
+                    divergence = gaussian_divergence(mean, log_std, old_means[at], old_log_std)
+                self.rate = adapted_rate(self.rate, float(divergence), config.kl_threshold, config.learning_rate_bounds)
+                for group in optimizer.param_groups:
+                    group["lr"] = self.rate
+                optimizer.step()
+                self._n_updates += 1
+                fraction = ((ratio - 1.0).abs() > config.clip).float().mean()
+                self._means.add(policy_loss=policy_loss, value_loss=value_loss, divergence=divergence, clipped=fraction)
+        explained = 1.0 - (returns - _flat(buffer.values)).var() / returns.var().clamp_min(1e-12)
+        self._means.add(explained_variance=explained, sigma=actor.log_std.exp().mean(), value=returns.mean())
+        self.policy.norm.update(observations)
+
+    def metrics(self) -> dict[str, float]:
+        """Means since the last call: losses, divergence, sigma, learning rate. Raises FloatingPointError on NaN."""
+        return {**self._means.take(), "learning_rate": self.rate, "updates": self._n_updates}
+
+    # ---- state -------------------------------------------------------------------------------------------------------
+    def state(self) -> tuple[Tensors, Values]:
+        """Everything an exact resume at a roll-out boundary needs."""
+        tensors = pack("policy", self.policy.state_dict())
+        moments, rates = pack_optimizer("optimizer", self.policy.optimizer)
+        tensors.update(moments)
+        tensors["noise"] = self.noise.get_state().clone()
+        if self._last_obs is not None:
+            tensors["observation"] = torch.from_numpy(np.array(self._last_obs, dtype=np.float32))
+            tensors["episode_starts"] = torch.from_numpy(np.array(self._last_episode_starts, dtype=bool))
+        values: Values = {
+            "steps": self.num_timesteps,
+            "updates": self._n_updates,
+            "rate": self.rate,
+            "optimizer": rates,
+            "order": pack_numpy_generator(self.order),
+        }
+        return tensors, values
+
+    def restore(self, tensors: Tensors, values: Values) -> None:
+        """Inverse of :meth:`state`."""
+        self.policy.load_state_dict(unpack("policy", tensors))
+        unpack_optimizer("optimizer", self.policy.optimizer, tensors, values["optimizer"])
+        self.noise.set_state(tensors["noise"])
+        unpack_numpy_generator(self.order, values["order"])
+        self.num_timesteps, self._n_updates, self.rate = values["steps"], values["updates"], values["rate"]
+        if "observation" in tensors:
+            self._last_obs = tensors["observation"].numpy().copy()
+            self._last_episode_starts = tensors["episode_starts"].numpy().copy()
+
+
+def _flat(array: np.ndarray) -> torch.Tensor:
+    """Roll-out arrays ``(T, E, ...)`` as ``(T E, ...)`` tensors without a copy."""
+    return torch.from_numpy(array).flatten(0, 1)
