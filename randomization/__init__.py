@@ -1,7 +1,7 @@
 """Domain randomisation as data: named distributions with unit and range, presets, and reproducible sampling.
 
-``preset("default").draw("episode", seed)`` gives the physical parameters of an episode; ``replay`` brings recorded ones
-back. ``stream`` and ``derive`` are the only source of random numbers in the project.
+``preset("default").draw("episode", seed)`` gives the physical parameters of an episode; ``replay`` brings
+recorded ones back. ``stream`` and ``derive`` are the only source of random numbers in the project.
 """
 
 from randomization.distributions import (

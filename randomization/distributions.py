@@ -1,8 +1,8 @@
 """Distributions as small frozen values.
 
-A parameter is one number for all components, or a tuple with one number a component; a shorter tuple is repeated until
-it fills the components, so three numbers describe the three joints of each of four fingers. Values nest where that
-makes sense: ``Direction(Uniform(0.0, 0.04))`` is a random direction of random length.
+A parameter is one number for all components, or a tuple with one number a component; a shorter tuple is
+repeated until it fills the components, so three numbers describe the three joints of each of four fingers.
+Values nest where that makes sense: ``Direction(Uniform(0.0, 0.04))`` is a random direction of random length.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class _Checked:
             if isinstance(value, (list, tuple, np.ndarray)):
                 value = tuple(float(item) for item in value)
                 if not value:
-                    raise RandomizationError(f"{field.name} is empty: allowed are one number or one a component")
+                    raise RandomizationError(f"{field.name} is empty: allowed are one or more numbers")
             else:
                 value = float(value)
             if not np.all(np.isfinite(value)):
@@ -164,13 +164,13 @@ class Bernoulli(_Checked):
 
 @dataclass(frozen=True)
 class Direction(_Checked):
-    """A vector of length ``magnitude`` (a number >= 0 or a distribution) in a direction uniform on the sphere."""
+    """A vector of length ``magnitude`` (>= 0, or a distribution) in a direction uniform on the sphere."""
 
     magnitude: float | Distribution
 
     def _check(self) -> None:
         if isinstance(self.magnitude, tuple):
-            raise RandomizationError(f"magnitude = {self.magnitude}: allowed are one number >= 0 or a distribution")
+            raise RandomizationError(f"magnitude = {self.magnitude}: allowed is one number or a distribution")
         low = self._magnitude().support()[0]
         if low < 0:
             raise RandomizationError(f"magnitude = {low:g}: allowed are numbers >= 0")
@@ -179,7 +179,7 @@ class Direction(_Checked):
         return self.magnitude if isinstance(self.magnitude, Distribution) else Constant(self.magnitude)
 
     def sample(self, rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
-        # Lengths come from a child generator, so that the rows of a longer draw start with those of a shorter one.
+        # Lengths come from a child generator, so that a longer draw starts with the rows of a shorter one.
         lengths: float | np.ndarray
         if isinstance(self.magnitude, Distribution):
             lengths = self.magnitude.sample(rng.spawn(1)[0], (*shape[:-1], 1))
@@ -221,7 +221,7 @@ def _fill(value: Parameter, shape: tuple[int, ...]) -> float | np.ndarray:
 def _ordered(low: Parameter, high: Parameter) -> None:
     lows, highs = np.atleast_1d(low), np.atleast_1d(high)
     if 1 not in (len(lows), len(highs)) and len(lows) != len(highs):
-        raise RandomizationError(f"low has {len(lows)} numbers and high {len(highs)}: allowed are equal counts")
+        raise RandomizationError(f"low has {len(lows)} numbers and high {len(highs)}: counts must be equal")
     if np.any(lows > highs):
         raise RandomizationError(f"low = {_text(low)}: allowed are numbers <= high = {_text(high)}")
 

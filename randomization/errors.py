@@ -1,4 +1,4 @@
-"""Errors of this package. All are ``ValueError``; the message names the place, the value and what is allowed."""
+"""Errors of this package, all ``ValueError``: messages name the place, the value and what is allowed."""
 
 from __future__ import annotations
 

@@ -39,9 +39,8 @@ class _File(BaseModel):
     terms: dict[str, dict[str, Any]] = {}
 
 
-@lru_cache
 def preset(name: str) -> Randomization:
-    """The preset "none", "default" or "strong", or the randomisation in a file if ``name`` ends in .yaml or .yml.
+    """The preset "none", "default" or "strong", or an own file if ``name`` ends in .yaml or .yml.
 
     Raises ``RandomizationError`` with the nearest valid name for anything else.
     """
@@ -49,6 +48,11 @@ def preset(name: str) -> Randomization:
         return read_randomization(name)
     if name not in PRESETS:
         raise RandomizationError(f"unknown randomisation preset {name!r}" + nearest(name, PRESETS))
+    return _shipped(name)
+
+
+@lru_cache
+def _shipped(name: str) -> Randomization:
     return read_randomization(DATA / "presets" / f"{name}.yaml")
 
 
@@ -64,15 +68,15 @@ def read_randomization(path: str | Path) -> Randomization:
         terms[name] = _term(name, quantities[name], dict(entry), f"{path}: terms.{name}")
     missing = [name for name in quantities if name not in terms]
     if missing:
-        raise RandomizationError(f"{path}: no distribution for {', '.join(missing)}; give all terms or 'extends: none'")
+        names = ", ".join(missing)
+        raise RandomizationError(f"{path}: no distribution for {names}; give all terms or 'extends: none'")
     return Randomization(path.stem, (terms[name] for name in quantities), content.summary)
 
 
 def write_randomization(randomization: Randomization, path: str | Path) -> None:
     """See ``Randomization.to_yaml``."""
-    terms = {
-        name: {**_plain(term.distribution), "source": term.source} for name, term in randomization.terms.items()
-    }
+    items = randomization.terms.items()
+    terms = {name: {**_plain(term.distribution), "source": term.source} for name, term in items}
     text = yaml.safe_dump({"summary": randomization.summary, "terms": terms}, sort_keys=False, width=110)
     Path(path).write_text(text, encoding="utf-8")
 
@@ -80,10 +84,9 @@ def write_randomization(randomization: Randomization, path: str | Path) -> None:
 def _term(name: str, quantity: _Quantity, entry: dict[str, Any], place: str) -> Term:
     source = entry.pop("source", "")
     distribution = _distribution(entry, place)
+    size, unit, allowed = quantity.size, quantity.unit, quantity.range
     try:
-        return Term(
-            name, distribution, quantity.size, quantity.unit, quantity.range, quantity.when, quantity.meaning, source
-        )
+        return Term(name, distribution, size, unit, allowed, quantity.when, quantity.meaning, source)
     except RandomizationError as error:
         raise RandomizationError(f"{place}: {error}") from None
 
@@ -96,7 +99,8 @@ def _distribution(entry: dict[str, Any], place: str) -> Distribution:
     names = [field.name for field in fields(KINDS[kind])]
     for key, value in values.items():
         if key not in names:
-            raise RandomizationError(f"{place}.{key}: unknown key of {kind}" + nearest(key, [*names, "source"]))
+            hint = nearest(key, [*names, "source"])
+            raise RandomizationError(f"{place}.{key}: unknown key of {kind}{hint}")
         if isinstance(value, dict):
             values[key] = _distribution(value, f"{place}.{key}")
     absent = [name for name in names if name not in values]
@@ -104,7 +108,7 @@ def _distribution(entry: dict[str, Any], place: str) -> Distribution:
         raise RandomizationError(f"{place}: {kind} needs {' and '.join(absent)}")
     try:
         return KINDS[kind](**values)
-    except (TypeError, ValueError) as error:  # RandomizationError is a ValueError; the others come from float()
+    except (TypeError, ValueError) as error:  # a RandomizationError, or what float() raises
         raise RandomizationError(f"{place}: {error}") from None
 
 
@@ -145,5 +149,6 @@ def _validated(model: type[Model], content: dict[str, Any], path: Path) -> Model
         first = error.errors()[0]
         place = ".".join(str(item) for item in first["loc"])
         if first["type"] == "extra_forbidden":
-            raise RandomizationError(f"{path}: {place}: unknown key" + nearest(place, model.model_fields)) from None
+            hint = nearest(place, model.model_fields)
+            raise RandomizationError(f"{path}: {place}: unknown key{hint}") from None
         raise RandomizationError(f"{path}: {place} = {first['input']!r}: {first['msg']}") from None

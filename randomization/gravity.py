@@ -1,4 +1,4 @@
-"""The gravity curriculum: learning starts in light gravity, where a slip is no drop yet, and ends in full gravity."""
+"""The gravity curriculum: learning starts in light gravity, where a slip is no drop yet, and ends in full."""
 
 from __future__ import annotations
 

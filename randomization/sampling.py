@@ -46,9 +46,9 @@ class Term:
     def __post_init__(self) -> None:
         given, (low, high) = components(self.distribution), self.distribution.support()
         if self.size % given:
-            raise RandomizationError(f"{self.name} has {given} numbers: allowed are counts that divide {self.size}")
+            raise RandomizationError(f"{self.name} has {given} numbers: the count must divide {self.size}")
         if isinstance(self.distribution, Direction) and self.size != 3:
-            raise RandomizationError(f"{self.name} has {self.size} components: a direction is allowed for 3 only")
+            raise RandomizationError(f"{self.name} has size {self.size}: a direction is allowed for 3 only")
         if low < self.allowed[0] or high > self.allowed[1]:
             limits = f"[{self.allowed[0]:g}, {self.allowed[1]:g}] {self.unit}"
             raise RandomizationError(f"{self.name} reaches from {low:g} to {high:g}: allowed is {limits}")
@@ -69,8 +69,9 @@ class Term:
         return values if self.size > 1 else values[:, 0]
 
     def _generator(self, seed: int) -> np.random.Generator:
-        # Constants read no random number, and making a generator is most of the cost of a draw.
-        return _UNREAD if isinstance(self.distribution, Constant) else stream(seed, "randomization", self.name)
+        if isinstance(self.distribution, Constant):
+            return _UNREAD  # constants read no random number, and making a generator is most of a draw's cost
+        return stream(seed, "randomization", self.name)
 
 
 _UNREAD = np.random.Generator(np.random.PCG64(0))
@@ -79,8 +80,8 @@ _UNREAD = np.random.Generator(np.random.PCG64(0))
 class Randomization:
     """A named set of terms. Immutable, comparable, and cheap to send to another process.
 
-    Each term reads its own stream of the seed, named by the term: adding or changing one leaves the others' numbers as
-    they were.
+    Each term reads its own stream of the seed, named by the term: adding or changing one leaves the others'
+    numbers as they were.
     """
 
     def __init__(self, name: str, terms: Iterable[Term], summary: str = "") -> None:
@@ -99,16 +100,18 @@ class Randomization:
     def draw(self, when: str, seed: int) -> dict[str, Value]:
         """One value of every term drawn at ``when`` ("run", "episode", "step", "interval:0.5").
 
-        Returns floats (bool from ``Bernoulli``) for terms of size 1, float64 (size,) for others, in the terms' units;
-        an empty dict if this randomisation draws nothing at that time. A step or interval term gives the first row of
-        ``draw_steps`` or ``draw_intervals``.
+        Returns floats (bool from ``Bernoulli``) for terms of size 1, float64 (size,) for others, in the
+        terms' units; an empty dict if this randomisation draws nothing at that time. A step or interval term
+        gives the first row of ``draw_steps`` or ``draw_intervals``. Raises ``RandomizationError`` for other
+        times.
         """
-        if when not in self._by_time and when not in ("run", "episode", "step") and not when.startswith(INTERVAL):
-            raise RandomizationError(f"when = {when!r}" + nearest(when, {"run", "episode", "step", *self._by_time}))
+        times = {"run", "episode", "step", *self._by_time}
+        if when not in times:
+            raise RandomizationError(f"when = {when!r}: unknown" + nearest(when, times))
         return {term.name: term.draw(seed) for term in self._by_time.get(when, ())}
 
     def draw_steps(self, seed: int, n: int) -> dict[str, np.ndarray]:
-        """Every step term for ``n`` steps at once: (n,) or (n, size). The first rows don't depend on ``n``."""
+        """Every step term for ``n`` steps at once: (n,) or (n, size). First rows don't depend on ``n``."""
         return {term.name: term.draw_many(seed, n) for term in self._by_time.get("step", ())}
 
     def draw_intervals(self, seed: int, duration: float) -> dict[str, np.ndarray]:
@@ -127,29 +130,30 @@ class Randomization:
     def replay(self, values: Mapping[str, Any]) -> Randomization:
         """This randomisation with the given terms fixed to recorded values; the others are drawn as before.
 
-        ``values`` is what ``draw`` returned, possibly after a round trip through JSON. Raises ``RandomizationError``
-        for unknown names, wrong sizes and values out of the allowed range.
+        ``values`` is what ``draw`` returned, possibly after a round trip through JSON. Raises
+        ``RandomizationError`` for unknown names, wrong sizes and values out of the allowed range.
         """
         fixed = dict(self._terms)
         for name, value in values.items():
             if name not in fixed:
                 raise RandomizationError(f"replay of unknown term {name!r}" + nearest(name, fixed))
             array = np.asarray(value, dtype=float)
-            if array.size != fixed[name].size:
-                raise RandomizationError(f"replay of {name} with {array.size} numbers: allowed are {fixed[name].size}")
+            size = fixed[name].size
+            if array.size != size:
+                raise RandomizationError(f"replay of {name} with {array.size} numbers: allowed are {size}")
             constant = Constant(array.item() if array.size == 1 else tuple(array.ravel().tolist()))
             fixed[name] = replace(fixed[name], distribution=constant, source="replayed")
         return Randomization(f"{self.name} (replayed)", fixed.values(), self.summary)
 
     @classmethod
     def from_yaml(cls, path: str | Path) -> Randomization:
-        """Read a file of the presets' form. Raises ``RandomizationError`` naming file, key, value and allowed values."""
+        """Read an own file; ``RandomizationError`` names file, key, value and what is allowed."""
         from randomization.files import read_randomization
 
         return read_randomization(path)
 
     def to_yaml(self, path: str | Path) -> None:
-        """Write all terms to a file that ``from_yaml`` reads back to an equal randomisation, whatever presets become."""
+        """Write all terms to a file that ``from_yaml`` reads back as an equal randomisation."""
         from randomization.files import write_randomization
 
         write_randomization(self, path)

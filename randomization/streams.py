@@ -1,7 +1,7 @@
 """Named random streams: a generator is found by what it is for, never by the order in which it was made.
 
-One worker or eight, one environment or a thousand: whoever asks for ``stream(seed, "episode", 17)`` gets the same
-numbers, whatever was drawn elsewhere before. No global generator is read or written.
+One worker or eight, one environment or a thousand: whoever asks for ``stream(seed, "episode", 17)`` gets the
+same numbers, whatever was drawn elsewhere before. No global generator is read or written.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ import numpy as np
 
 from randomization.errors import SeedError
 
-SEED_BITS = 63  # seeds stay in the positive range of int64, so they pass through arrays, JSON and YAML unharmed
+# Seeds stay in the positive range of int64, so they pass through arrays, JSON and YAML unharmed.
+SEED_BITS = 63
 
 
 def stream(seed: int, *path: str | int) -> np.random.Generator:
@@ -22,11 +23,11 @@ def stream(seed: int, *path: str | int) -> np.random.Generator:
 
     Args:
         seed: any non-negative integer.
-        path: what the stream is for, outermost first, for example ``"episode", 3, "joint_offset"``. Text and numbers
-            are told apart: ``"3"`` and ``3`` name different streams.
+        path: what the stream is for, outermost first, for example ``"episode", 3, "joint_offset"``. Text and
+            numbers are told apart: ``"3"`` and ``3`` name different streams.
 
     Returns:
-        A fresh PCG64 generator at the start of its stream. Streams of different seeds or paths are independent.
+        A fresh PCG64 generator at the start of its stream; other seeds or paths give independent ones.
 
     Raises:
         SeedError: ``seed`` is negative or no integer, or a path item is neither text nor an integer.
@@ -37,8 +38,8 @@ def stream(seed: int, *path: str | int) -> np.random.Generator:
 def derive(seed: int, *path: str | int) -> int:
     """The child seed named by ``path`` below ``seed``: an integer in [0, 2^63).
 
-    Use it to hand a whole subtree of randomness to another part, for example ``derive(seed, "evaluation", episode)``.
-    Raises ``SeedError`` as ``stream`` does.
+    Use it to hand a whole subtree of randomness to another part, for example ``derive(seed, "evaluation",
+    episode)``. Raises ``SeedError`` as ``stream`` does.
     """
     low, high = _sequence(seed, path).generate_state(2, np.uint32).tolist()
     return ((high << 32) | low) & ((1 << SEED_BITS) - 1)
@@ -52,7 +53,7 @@ def _sequence(seed: int, path: tuple[str | int, ...]) -> np.random.SeedSequence:
     if number < 0 or isinstance(seed, (bool, np.bool_)):
         raise SeedError(f"seed = {seed!r}: allowed are integers >= 0")
     try:
-        # The cache must tell 1 from True and 1.0, which are equal as dictionary keys; the types come along for that.
+        # The types come along because 1, 1.0 and True are equal as keys of the cache.
         key = _spawn_key(path, tuple(map(type, path)))
     except TypeError:  # unhashable, so neither text nor a number
         raise SeedError(f"stream path {path!r}: allowed are text and integers") from None
@@ -61,7 +62,7 @@ def _sequence(seed: int, path: tuple[str | int, ...]) -> np.random.SeedSequence:
 
 @lru_cache(maxsize=4096)
 def _spawn_key(path: tuple[str | int, ...], _types: tuple[type, ...]) -> tuple[int, ...]:
-    """Eight 32-bit words from the path. Items carry their kind and length, so no two paths spell the same bytes."""
+    """Eight 32-bit words. Items carry their kind and length, so no two paths spell the same bytes."""
     digest = hashlib.blake2s()
     for item in path:
         if isinstance(item, str):

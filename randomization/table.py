@@ -1,4 +1,4 @@
-"""The documentation's table of all terms and presets, from the data: ``python -m randomization.table FILE``."""
+"""The documentation's tables of all terms and presets: ``python -m randomization.table FILE``."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ HEAD = """\
 
 <!-- Made from the data by `make docs`; edit randomization/data/ instead. -->
 
-What is randomised, how far, and when. Each term reads its own named random stream of the episode's seed, so changing
-one leaves the numbers of the others as they were. The drawn values of an episode are in `info["randomization"]`;
-`randomization.preset(NAME).replay(values)` brings them back.
+What is randomised, how far, and when. Each term reads its own named random stream of the episode's seed, so
+changing one leaves the numbers of the others as they were. The drawn values of an episode are in
+`info["randomization"]`; `randomization.preset(NAME).replay(values)` brings them back.
 
-`U(a, b)` is uniform, `logU(a, b)` uniform in the logarithm, `N(m, s)` Gaussian with standard deviation `s`. Three
-numbers in brackets stand for the joints q1, q2, q3 of each finger.
+`U(a, b)` is uniform, `logU(a, b)` uniform in the logarithm, `N(m, s)` Gaussian with standard deviation `s`.
+Three numbers in brackets stand for the joints q1, q2, q3 of each finger.
 """
 
 TAIL = """\
 ## Own randomisation
 
-A file names the preset it starts from and the terms it replaces; unknown keys and values out of range are refused.
+A file names the preset it starts from and the terms it replaces; unknown keys and values out of range are
+refused.
 
 ```yaml
 summary: A slippery hand.
@@ -34,9 +35,9 @@ terms:
   force: {distribution: direction, magnitude: {distribution: uniform, low: 0, high: 0.1}}
 ```
 
-`randomization.preset("own.yaml")` loads it, and wherever a configuration names a preset it may name such a file.
-Distributions: `constant` (value), `uniform` and `log_uniform` (low, high), `normal` (mean, std), `bernoulli`
-(probability), `direction` (magnitude; a number or a distribution).
+`randomization.preset("own.yaml")` loads it, and wherever a configuration names a preset it may name such a
+file. Distributions: `constant` (value), `uniform` and `log_uniform` (low, high), `normal` (mean, std),
+`bernoulli` (probability), `direction` (magnitude; a number or a distribution).
 """
 
 
@@ -54,9 +55,8 @@ def page() -> str:
         ranges.append([_label(first), first.unit, _when(first.when), f"{low:g} to {high:g}", *texts])
         sources.append([f"`{name}`", first.meaning, *_unchanged_as_ditto([term.source for term in variants])])
     summaries = "\n".join(f"- `{item.name}`: {item.summary}" for item in presets)
-    return "\n".join(
-        [HEAD, "## Presets\n", summaries, "", _markdown(ranges), "\n## Meaning and sources\n", _markdown(sources), "", TAIL]
-    )
+    presets_part = f"## Presets\n\n{summaries}\n\n{_markdown(ranges)}\n"
+    return "\n".join([HEAD, presets_part, f"## Meaning and sources\n\n{_markdown(sources)}\n", TAIL])
 
 
 def _label(term: Term) -> str:

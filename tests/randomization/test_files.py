@@ -55,18 +55,36 @@ def test_every_value_of_a_preset_names_its_source(name):
     [
         ("extend: default", r"own.yaml: extend: unknown key; nearest valid name: 'extends'"),
         ("extends: defualt", r"own.yaml: extends = 'defualt'"),
-        ("terms: {kp: {distribution: constant, value: 5}}", r"own.yaml: no distribution for joint_offset, kd"),
-        ("extends: none\nterms: {tip_fricton: {}}", r"terms.tip_fricton: .*nearest valid name: 'tip_friction'"),
+        (
+            "terms: {kp: {distribution: constant, value: 5}}",
+            r"own.yaml: no distribution for joint_offset, kd",
+        ),
+        (
+            "extends: none\nterms: {tip_fricton: {}}",
+            r"terms.tip_fricton: .*nearest valid name: 'tip_friction'",
+        ),
         ("extends: none\nterms: {kp: {}}", r"terms.kp.distribution = None"),
-        ("extends: none\nterms: {kp: {distribution: unifrom}}", r"'unifrom': .*nearest valid name: 'uniform'"),
-        ("extends: none\nterms: {kp: {distribution: uniform, lo: 1}}", r"terms.kp.lo: .*nearest valid name: 'low'"),
+        (
+            "extends: none\nterms: {kp: {distribution: unifrom}}",
+            r"'unifrom': .*nearest valid name: 'uniform'",
+        ),
+        (
+            "extends: none\nterms: {kp: {distribution: uniform, lo: 1}}",
+            r"terms.kp.lo: .*nearest valid name: 'low'",
+        ),
         ("extends: none\nterms: {kp: {distribution: uniform, low: 1}}", r"terms.kp: uniform needs high"),
         ("extends: none\nterms: {kp: {distribution: uniform, low: 6, high: 5}}", r"terms.kp: low = 6"),
         ("extends: none\nterms: {kp: {distribution: constant, value: x}}", r"terms.kp: .*'x'"),
         ("extends: none\nterms: {kp: {distribution: constant, value: 50}}", r"allowed is \[0.5, 20\] Nm/rad"),
         ("extends: none\nterms: {kp: {distribution: constant, value: [5, 5]}}", r"kp has 2 numbers"),
-        ("extends: none\nterms: {stick_friction: {distribution: constant, value: [0, 0, 0, 0, 0]}}", r"divide 12"),
-        ("extends: none\nterms: {kp: {distribution: direction, magnitude: 1}}", r"a direction is allowed for 3"),
+        (
+            "extends: none\nterms: {stick_friction: {distribution: constant, value: [0, 0, 0, 0, 0]}}",
+            r"divide 12",
+        ),
+        (
+            "extends: none\nterms: {kp: {distribution: direction, magnitude: 1}}",
+            r"a direction is allowed for 3",
+        ),
         ("extends: none\nterms: {kp: 5}", r"terms.kp = 5"),
         ("- a list", r"own.yaml: holds a list"),
         ("a: [", r"own.yaml: no valid YAML"),
@@ -93,4 +111,5 @@ def test_the_page_names_every_term_and_its_example_loads(tmp_path):
     text = page()
     assert all(text.count(f"| `{name}`") == 2 for name in preset("none").terms)
     example = text.split("```yaml\n")[1].split("```")[0]
-    assert Randomization.from_yaml(write(tmp_path, example)).terms["tip_friction"].distribution == Uniform(0.3, 0.6)
+    own = Randomization.from_yaml(write(tmp_path, example))
+    assert own.terms["tip_friction"].distribution == Uniform(0.3, 0.6)

@@ -29,7 +29,8 @@ def test_different_paths_are_different_streams(first, second):
 
 
 @pytest.mark.parametrize(
-    ("first", "second"), [(("3",), (3,)), (("ab", "c"), ("a", "bc")), (("a",), ("a", "")), (("1", "2"), ("12",))]
+    ("first", "second"),
+    [(("3",), (3,)), (("ab", "c"), ("a", "bc")), (("a",), ("a", "")), (("1", "2"), ("12",))],
 )
 def test_paths_that_spell_alike_are_told_apart(first, second):
     assert derive(0, *first) != derive(0, *second)

@@ -1,0 +1,64 @@
+# The verbs of this project, for people and for CI. `make help` lists them.
+
+# The locked versions were resolved on Python 3.11; any later one should do: make PYTHON=python3.12 setup
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+# Further arguments, for example: make setup PIP_ARGS="--extra-index-url URL" · make test PYTEST_ARGS="-m 'not slow'"
+PIP_ARGS ?=
+PYTEST_ARGS ?=
+REPRODUCE_ARGS ?=
+JOBS ?= 2
+
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALLED := $(VENV)/.installed
+CODE := $(wildcard object_sets randomization reproduce tactile_kit tests benchmarks)
+
+.DEFAULT_GOAL := help
+.PHONY: help setup reproduce test lint format bench docs clean
+
+help:  ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+setup: $(INSTALLED)  ## install everything into .venv, in the versions of constraints.txt
+	@:
+
+# The stamp is written last, so a broken installation is tried again.
+$(INSTALLED): setup.cfg pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "$(PYTHON) is too old or absent: Python >= 3.11 is needed (make PYTHON=/path/to/python setup)"; exit 1; }
+	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv $(VENV) \
+		|| { echo "no virtual environment could be made; on Debian: apt-get install python3-venv"; exit 1; }
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt $(PIP_ARGS) --editable '.[dev]'
+	@for module in pybullet torch numba manifold3d rtree coacd matplotlib; do \
+		$(BIN)/python -c "import $$module" 2>$(VENV)/.import-error || { tail -n 1 $(VENV)/.import-error; \
+		echo "$$module does not load: is a system library missing? On Debian: apt-get install libgomp1 libgl1 libstdc++6"; \
+		exit 1; }; done
+	@touch $@
+
+reproduce: setup  ## every table, figure and the report, from the shipped agents
+	$(BIN)/reproduce run --scale small --from pretrained $(REPRODUCE_ARGS)
+
+# One thread a process: JOBS processes share the cores, and results don't depend on how many there are.
+test: setup  ## all tests
+	OMP_NUM_THREADS=1 MPLBACKEND=Agg $(BIN)/python -m pytest -n $(JOBS) $(PYTEST_ARGS)
+
+lint: setup  ## style and types
+	$(BIN)/ruff check $(CODE)
+	$(BIN)/ruff format --check $(CODE)
+	$(BIN)/mypy
+
+format: setup  ## mend the style
+	$(BIN)/ruff check --fix $(CODE)
+	$(BIN)/ruff format $(CODE)
+
+bench: setup  ## measure speed (peers: make bench after .venv/bin/pip install -c constraints.txt -e '.[bench]')
+	@for script in benchmarks/bench_*.py; do \
+		test -e "$$script" || { echo "no benchmarks/bench_*.py"; exit 1; }; \
+		echo "$$script"; OMP_NUM_THREADS=1 $(BIN)/python "$$script" || exit 1; done
+
+docs: setup  ## the pages that are made from data
+	$(BIN)/python -m randomization.table docs/randomization.md
+
+clean:  ## remove caches and what builds leave behind (not .venv, not results)
+	rm -rf .cache .pytest_cache .hypothesis .snakemake .coverage build dist *.egg-info
+	find . -path ./$(VENV) -prune -o -name __pycache__ -type d -print0 | xargs -0 rm -rf
