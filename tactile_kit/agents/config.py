@@ -39,6 +39,7 @@ class PPOConfig(Settings):
     weight_decay: float = Field(1e-5, ge=0)
     max_gradient_norm: PositiveFloat = Field(1.0, description="Own choice.")
     log_std: float = Field(-0.5, description="Initial log sigma of the actions, state-independent (own choice).")
+    bounded_mean: bool = Field(False, description="The mean passes a tanh, as a warm start from SAC needs.")
     actor: NetworkConfig = NetworkConfig()
     critic: NetworkConfig = NetworkConfig()
     bfloat16: bool = Field(False, description="Matrix products of the update in bfloat16 (autocast).")

@@ -204,6 +204,7 @@ class GaussianPolicy(nn.Module):
         actions: A, size of the action.
         config: layers.
         squashed: SAC's tanh-squashed Gaussian with a state-dependent sigma; otherwise PPO's with one parameter.
+        bounded: of PPO's, the mean passes a tanh too, as a policy warm-started from SAC needs.
         log_std: initial log sigma.
         rest: ``(A,)`` action in [-1, 1] that an untrained policy takes on average (the mean grasp).
     """
@@ -215,12 +216,13 @@ class GaussianPolicy(nn.Module):
         config: NetworkConfig,
         *,
         squashed: bool,
+        bounded: bool = False,
         log_std: float = 0.0,
         rest: Sequence[float] | None = None,
     ) -> None:
         super().__init__()
         self.features = features
-        self.squashed = squashed
+        self.squashed, self.bounded = squashed, bounded and not squashed
         self.trunk = Perceptron(features.features_dim, config)
         self.mean = nn.Linear(self.trunk.size, actions)
         with torch.no_grad():
@@ -228,7 +230,7 @@ class GaussianPolicy(nn.Module):
             self.mean.bias.zero_()
             if rest is not None:
                 action = torch.as_tensor(rest, dtype=torch.float32).clamp(-0.98, 0.98)
-                self.mean.bias.copy_(torch.atanh(action) if squashed else action)
+                self.mean.bias.copy_(torch.atanh(action) if squashed or bounded else action)
         if squashed:
             self.log_std = nn.Linear(self.trunk.size, actions)
             with torch.no_grad():
@@ -243,7 +245,7 @@ class GaussianPolicy(nn.Module):
         mean = self.mean(latent).float()
         if self.squashed:
             return mean, self.log_std(latent).float().clamp(LOG_STD_MIN, LOG_STD_MAX)
-        return mean, self.log_std  # type: ignore[return-value]
+        return (torch.tanh(mean) if self.bounded else mean), self.log_std  # type: ignore[return-value]
 
     def squashed_sample(self, features: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
         """Reparametrised squashed action ``(B, A)`` and its log density ``(B,)`` for standard normal noise."""

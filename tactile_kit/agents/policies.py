@@ -25,7 +25,7 @@ from tactile_kit.agents.networks import (
 class HandActorCriticPolicy(ActorCriticPolicy):
     """PPO's policy: separate actor and critic on the same observation, sigma independent of the state.
 
-    Args beyond SB3's: ``layout``, ``actor`` and ``critic`` layers, ``log_std`` and ``rest`` of the actor.
+    Args beyond SB3's: ``layout``, ``actor`` and ``critic`` layers, ``bounded``, ``log_std`` and ``rest`` of the actor.
     """
 
     def __init__(
@@ -37,11 +37,12 @@ class HandActorCriticPolicy(ActorCriticPolicy):
         layout: InputLayout,
         actor: NetworkConfig,
         critic: NetworkConfig,
+        bounded: bool,
         log_std: float,
         rest: tuple[float, ...] | None = None,
         **kwargs: Any,
     ) -> None:
-        self._networks = (layout, actor, critic, log_std, rest)
+        self._networks = (layout, actor, critic, bounded, log_std, rest)
         super().__init__(
             observation_space,
             action_space,
@@ -53,13 +54,15 @@ class HandActorCriticPolicy(ActorCriticPolicy):
         )
 
     def _build(self, lr_schedule: Schedule) -> None:
-        layout, actor, critic, log_std, rest = self._networks
+        layout, actor, critic, bounded, log_std, rest = self._networks
         size = int(self.action_space.shape[0])  # type: ignore[index]
         # SB3 makes one extractor; the critic gets its own, around the same statistics
         own = self.features_extractor
         assert isinstance(own, ObservationFeatures)
         other = ObservationFeatures(self.observation_space, layout, own.norm)
-        self.actor = GaussianPolicy(own, size, actor, squashed=False, log_std=log_std, rest=rest)
+        self.actor = GaussianPolicy(
+            own, size, actor, squashed=False, bounded=bounded, log_std=log_std, rest=rest
+        )
         self.critic = ValueNetwork(other, critic)
         self.log_std = self.actor.log_std  # SB3 logs its mean
         self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)

@@ -65,6 +65,7 @@ class PPO(stable_baselines3.PPO):
         rest: ``(A,)`` action an untrained policy takes on average.
     """
 
+    algorithm = "ppo"
     policy: HandActorCriticPolicy  # type: ignore[assignment]
 
     def __init__(
@@ -83,6 +84,7 @@ class PPO(stable_baselines3.PPO):
             "layout": layout,
             "actor": config.actor,
             "critic": config.critic,
+            "bounded": config.bounded_mean,
             "log_std": config.log_std,
             "rest": rest,
             "optimizer_kwargs": {"fused": True, "eps": 1e-8, "weight_decay": config.weight_decay},

@@ -44,6 +44,7 @@ class SAC(stable_baselines3.SAC):
         rest: ``(A,)`` action an untrained policy takes on average.
     """
 
+    algorithm = "sac"
     policy: HandSACPolicy  # type: ignore[assignment]
     replay_buffer: GoalReplay  # type: ignore[assignment]
 

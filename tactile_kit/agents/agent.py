@@ -1,0 +1,163 @@
+"""A trained agent from its directory: policy, and for tactile agents the estimator. Needs no learner."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from gymnasium import spaces
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from tactile_kit.agents.errors import AgentError
+from tactile_kit.agents.files import read_tensors
+from tactile_kit.agents.manifest import Manifest, PolicyNetwork, read_manifest
+from tactile_kit.agents.networks import GaussianPolicy, InputLayout, ObservationFeatures
+
+if TYPE_CHECKING:
+    from tactile_kit.task.config import TaskConfig
+
+
+@dataclass
+class Agent:
+    """A policy ready to act.
+
+    Attributes:
+        directory: where it was loaded from.
+        manifest: agent.json.
+        task: the task it was trained on.
+        policy: the actor, in evaluation mode.
+        estimator: EstimatorCell of a tactile agent, else None.
+    """
+
+    directory: Path
+    manifest: Manifest
+    task: TaskConfig
+    policy: GaussianPolicy
+    estimator: Any | None = None
+
+    @property
+    def kind(self) -> str:
+        return self.manifest.kind
+
+    @torch.no_grad()
+    def act(
+        self, observations: NDArray[np.float32], deterministic: bool = True, rng: np.random.Generator | None = None
+    ) -> NDArray[np.float32]:
+        """Actions ``(B, 12) float32`` in [-1, 1] for observations ``(B, D) float32``.
+
+        Not deterministic means sampled with noise of ``rng``, which must then be given. Raises AgentError for
+        observations of another width.
+        """
+        size = sum(size for _, size in self.manifest.layout)
+        if observations.ndim != 2 or observations.shape[1] != size:
+            raise AgentError(f"observations are {observations.shape}, the agent reads (B, {size})")
+        noise = None
+        if not deterministic:
+            if rng is None:
+                raise AgentError("sampling actions needs rng, a numpy Generator")
+            noise = torch.from_numpy(
+                rng.standard_normal((len(observations), self.manifest.network.actions), dtype=np.float32)
+            )
+        return self.policy.act(torch.from_numpy(np.ascontiguousarray(observations, np.float32)), noise).numpy()
+
+    def make_env(
+        self,
+        config: TaskConfig | None = None,
+        num_envs: int = 8,
+        num_workers: int = 1,
+        seed: int = 0,
+        episodes: Iterable | None = None,
+    ):
+        """The environment this agent acts in, for evaluation: the true pose for an oracle, its own estimate (never
+        the truth, no training) for a tactile agent. ``config`` defaults to the task it was trained on."""
+        config = self.task if config is None else config
+        if self.kind == "oracle":
+            from tactile_kit.task.vec_env import ReorientVecEnv
+
+            return ReorientVecEnv(config, num_envs=num_envs, num_workers=num_workers, seed=seed, episodes=episodes)
+        from tactile_kit.ecrl import TactileVecEnv
+
+        return TactileVecEnv.for_evaluation(
+            config, self.estimator, num_envs=num_envs, num_workers=num_workers, seed=seed, episodes=episodes
+        )
+
+
+def load_agent(directory: str | Path) -> Agent:
+    """The agent in ``directory``.
+
+    Networks are rebuilt from agent.json and filled from safetensors whose digests it names; nothing is unpickled.
+    Raises AgentError naming file and reason when something is missing, damaged, newer or does not fit.
+    """
+    from tactile_kit.task.config import TaskConfig
+
+    directory = Path(directory)
+    manifest = read_manifest(directory)
+    try:
+        task = TaskConfig(**manifest.task)
+    except ValidationError as problem:
+        raise AgentError(f"{directory / 'agent.json'}: task: {problem}") from None
+    layout = InputLayout.of_encoding(manifest.layout, encoding_class(manifest.encoding))
+    policy = build_policy(layout, manifest.network)
+    fill(policy, read_tensors(directory / "policy.safetensors", manifest.weights["policy.safetensors"]), directory)
+    estimator = None
+    if manifest.kind == "tactile":
+        estimator = _load_estimator(directory, manifest)
+    return Agent(directory, manifest, task, policy.eval(), estimator)
+
+
+def encoding_class(name: str) -> Any:
+    """The encoding's class by name; raises ValueError naming the nearest valid one."""
+    from tactile_kit.shape import ENCODINGS, encoding
+
+    if name not in ENCODINGS:
+        encoding(name, None)  # type: ignore[arg-type]  # raises, with the hint
+    return ENCODINGS[name]
+
+
+def build_policy(layout: InputLayout, network: PolicyNetwork) -> GaussianPolicy:
+    """An actor of that layout and size; its initial weights come from no global generator."""
+    space = spaces.Box(-np.inf, np.inf, (layout.size,), np.float32)
+    with torch.random.fork_rng(devices=[]):
+        return GaussianPolicy(
+            ObservationFeatures(space, layout),
+            network.actions,
+            network.layers,
+            squashed=network.squashed,
+            bounded=network.bounded,
+        )
+
+
+def fill(module: torch.nn.Module, tensors: dict[str, torch.Tensor], where: Path) -> None:
+    """Load weights, every name and shape as expected and every number finite, or raise AgentError."""
+    for name, tensor in tensors.items():
+        if tensor.is_floating_point() and not torch.isfinite(tensor).all():
+            raise AgentError(f"{where}: weight {name!r} holds NaN or infinity")
+    wanted = module.state_dict()
+    for name, tensor in tensors.items():
+        if name in wanted and wanted[name].dtype != tensor.dtype:
+            raise AgentError(f"{where}: weight {name!r} is {tensor.dtype}, expected {wanted[name].dtype}")
+    try:
+        module.load_state_dict(tensors)
+    except RuntimeError as problem:
+        raise AgentError(f"{where}: weights do not fit the network of agent.json: {problem}") from None
+
+
+def _load_estimator(directory: Path, manifest: Manifest):
+    from tactile_kit.estimator import EstimatorCell, EstimatorConfig
+
+    path = directory / "estimator.safetensors"
+    if manifest.estimator is None or path.name not in manifest.weights:
+        raise AgentError(f"{directory / 'agent.json'}: a tactile agent without an estimator")
+    try:
+        config = EstimatorConfig(**manifest.estimator)
+    except ValidationError as problem:
+        raise AgentError(f"{directory / 'agent.json'}: estimator: {problem}") from None
+    with torch.random.fork_rng(devices=[]):
+        cell = EstimatorCell(config, encoding_class(config.encoding or manifest.encoding))
+    fill(cell, read_tensors(path, manifest.weights[path.name]), path)
+    return cell.eval()

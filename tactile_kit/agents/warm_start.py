@@ -1,0 +1,117 @@
+"""Starting from another agent's weights, also when the observation has grown.
+
+Columns of input weights are matched by the observation's term names; terms the source did not have (an oracle's
+successor gets sigma) start with zero columns, so the policy acts at first exactly as its predecessor did.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from tactile_kit.agents.agent import encoding_class
+from tactile_kit.agents.errors import AgentError
+from tactile_kit.agents.files import read_tensors
+from tactile_kit.agents.manifest import read_manifest
+from tactile_kit.agents.networks import InputLayout
+
+Terms = tuple[tuple[str, int], ...]
+
+
+def column_map(old: Terms, new: Terms, changed: frozenset[str]) -> list[tuple[slice, slice]]:
+    """Pairs (old columns, new columns) of terms of the same name and size, those in ``changed`` left out."""
+    starts, start = {}, 0
+    for name, size in old:
+        starts[name] = (start, size)
+        start += size
+    pairs, start = [], 0
+    for name, size in new:
+        if name in starts and name not in changed and starts[name][1] == size:
+            pairs.append((slice(starts[name][0], starts[name][0] + size), slice(start, start + size)))
+        start += size
+    return pairs
+
+
+def transplant(
+    module: nn.Module, source: dict[str, Tensor], old: InputLayout, new: InputLayout, changed: frozenset[str]
+) -> list[str]:
+    """Copy what fits of ``source`` into ``module``; returns the names of tensors left as initialised.
+
+    Args:
+        module: an actor or a critic of this package, reading ``new``.
+        source: its state_dict when it read ``old``.
+        changed: terms whose meaning differs although the size may not (another shape encoding).
+    """
+    state = module.state_dict()
+    inputs = column_map(old.features, new.features, changed)
+    entries = column_map(old.terms, new.terms, changed)
+    left = []
+    for name, target in state.items():
+        given = source.get(name)
+        if given is not None and given.dtype == target.dtype:
+            if ".norm." in name and given.shape == (old.size,):
+                for a, b in entries:
+                    target[b] = given[a]
+                continue
+            if "shape" in changed and ".shape." in name:
+                given = None
+            elif _reads_features(name, given, target, old.features_size, new.features_size):
+                head = given.shape[-1] - old.features_size  # columns before the features: hidden units, actions
+                fresh = torch.zeros_like(target)
+                fresh[..., :head] = given[..., :head]
+                for a, b in inputs:
+                    fresh[..., head + b.start : head + b.stop] = given[..., head + a.start : head + a.stop]
+                target.copy_(fresh)
+                continue
+            elif given.shape == target.shape:
+                target.copy_(given)
+                continue
+        left.append(name)
+    module.load_state_dict(state)
+    return left
+
+
+def _reads_features(name: str, given: Tensor, target: Tensor, old: int, new: int) -> bool:
+    if ".layers." not in f".{name}" and not name.endswith("weights.0") or given.ndim < 2:
+        return False
+    head = given.shape[-1] - old
+    return head >= 0 and head == target.shape[-1] - new and given.shape[:-1] == target.shape[:-1]
+
+
+def warm_start(learner, directory: str | Path, encoding: str) -> dict:
+    """Fill a fresh learner from the agent in ``directory``; ``encoding`` is the learner's own.
+
+    Returns what agent.json records of it: source, its steps and the weights left as initialised. Raises AgentError
+    when the directory is no valid agent or its actor's output means something else.
+    """
+    directory = Path(directory)
+    manifest = read_manifest(directory)
+    actor, critics = learner_networks(learner)
+    network = manifest.network
+    if (network.squashed or network.bounded) != (actor.squashed or actor.bounded):
+        raise AgentError(
+            f"{directory}: its action mean {'passes' if network.squashed or network.bounded else 'does not pass'} a "
+            "tanh, this learner's does not match (ppo: bounded_mean)"
+        )
+    old = InputLayout.of_encoding(manifest.layout, encoding_class(manifest.encoding))
+    changed = frozenset() if manifest.encoding == encoding else frozenset({"shape"})
+    tensors = read_tensors(directory / "policy.safetensors", manifest.weights["policy.safetensors"])
+    left = [f"policy/{name}" for name in transplant(actor, tensors, old, learner.input_layout, changed)]
+    name = "critic.safetensors"
+    if name in manifest.weights and manifest.algorithm == learner.algorithm:
+        tensors = read_tensors(directory / name, manifest.weights[name])
+        for critic in critics:
+            missing = transplant(critic, tensors, old, learner.input_layout, changed)
+        left += [f"critic/{name}" for name in missing]
+    else:
+        left.append("critic")
+    return {"from": directory.name, "steps": manifest.steps, "hours": manifest.hours, "as_initialised": left}
+
+
+def learner_networks(learner) -> tuple[nn.Module, list[nn.Module]]:
+    """The actor and the critics (SAC's with its target) of a learner of this package."""
+    if learner.algorithm == "sac":
+        return learner.actor.network, [learner.critic.network, learner.critic_target.network]
+    return learner.policy.actor, [learner.policy.critic]
