@@ -1,0 +1,76 @@
+"""Training data of the estimator: T steps of E environments, episodes starting anywhere inside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import torch
+from torch import Tensor
+
+from tactile_kit.estimator.errors import EstimatorError
+from tactile_kit.estimator.state import EstimatorState
+
+
+@dataclass(frozen=True)
+class Sequences:
+    """T steps of E environments. In each step the estimator turns its state before the action into the one after.
+
+    z: ``(T, E, 144)`` rad, measured during the step; mesh: ``(T, E) int64``, the mesh given;
+    started: ``(T, E) bool``, the step is the first of an episode: the state before is ``initial(R_before)``;
+    x_before, x: ``(T, E, 3)`` m and R_before, R: ``(T, E, 3, 3)``, the true pose before and after the step;
+    state: what the estimator held before the first step (used where ``started[0]`` is not set), without a graph.
+    """
+
+    z: Tensor
+    mesh: Tensor
+    started: Tensor
+    x_before: Tensor
+    R_before: Tensor
+    x: Tensor
+    R: Tensor
+    state: EstimatorState
+
+    def __post_init__(self) -> None:
+        if self.z.ndim != 3:
+            raise EstimatorError(f"z has shape {tuple(self.z.shape)}, allowed: (T, E, 144)")
+        lead = self.z.shape[:2]
+        wanted = {"mesh": (), "started": (), "x_before": (3,), "R_before": (3, 3), "x": (3,), "R": (3, 3)}
+        for name, rest in wanted.items():
+            shape = tuple(getattr(self, name).shape)
+            if shape != (*lead, *rest):
+                raise EstimatorError(f"{name} has shape {shape}, allowed: {(*lead, *rest)}")
+        if any(len(part) != lead[1] for part in self.state):
+            raise EstimatorError(f"state holds {len(self.state.x)} environments, allowed: {lead[1]}")
+
+    @property
+    def steps(self) -> int:
+        """T."""
+        return self.z.shape[0]
+
+    def __len__(self) -> int:
+        return self.z.shape[1]
+
+    def columns(self, index: Tensor | slice) -> Sequences:
+        """The sequences of some environments."""
+        parts = {name: getattr(self, name)[:, index] for name in _ARRAYS}
+        return Sequences(**parts, state=self.state.rows(index))
+
+    @staticmethod
+    def joined(parts: list[Sequences]) -> Sequences:
+        """Environments of several batches of equal length side by side."""
+        arrays = {name: torch.cat([getattr(part, name) for part in parts], dim=1) for name in _ARRAYS}
+        return Sequences(**arrays, state=EstimatorState(*map(torch.cat, zip(*(p.state for p in parts), strict=True))))
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Everything as named tensors, for saving."""
+        state = {f"state.{name}": part for name, part in self.state._asdict().items()}
+        return {name: getattr(self, name) for name in _ARRAYS} | state
+
+    @classmethod
+    def from_tensors(cls, tensors: dict[str, Tensor]) -> Sequences:
+        """Inverse of :meth:`tensors`."""
+        state = EstimatorState(**{name: tensors[f"state.{name}"] for name in EstimatorState._fields})
+        return cls(**{name: tensors[name] for name in _ARRAYS}, state=state)
+
+
+_ARRAYS = tuple(field.name for field in fields(Sequences) if field.name != "state")
