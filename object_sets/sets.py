@@ -1,0 +1,118 @@
+"""Find objects: the paper's sets, single objects by name or id, and directories made by ``object-sets build``."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+from object_sets.errors import DataError, UnknownObjectError, nearest
+from object_sets.objects import Object, ObjectSet
+from object_sets.storage import read_npz, sha256
+
+DATA = Path(__file__).with_name("data")
+
+SETS: dict[str, tuple[int, ...]] = {
+    "geometric8": tuple(range(8)),
+    "ood": tuple(range(8, 13)),
+    "complex": (13, 14, 15),
+    "paper": tuple(range(13)),
+    "all": tuple(range(16)),
+}
+
+
+def load(name: str | Path) -> ObjectSet:
+    """A set with meshes and convex parts, its digests verified.
+
+    Args:
+        name: "geometric8" (ids 0-7), "ood" (8-12), "complex" (13-15), "paper" (0-12), "all" (0-15), or a directory
+            made by ``object-sets build``. In a directory with prepared sizes each object comes once a size, named
+            ``NAME_000``, ``NAME_001``, ..., and ids count on.
+
+    Raises:
+        UnknownObjectError: neither a set nor a directory with a manifest.
+        DataError: the data was altered or has another schema.
+    """
+    if isinstance(name, str) and name in SETS:
+        everything = _load_directory(DATA).objects
+        return ObjectSet(name, tuple(everything[i] for i in SETS[name]))
+    directory = Path(name)
+    if directory.name == "manifest.json":
+        directory = directory.parent
+    if (directory / "manifest.json").is_file():
+        return _load_directory(directory.resolve())
+    hint = nearest(name, SETS)
+    raise UnknownObjectError(f"object set {str(name)!r}: neither a set nor a directory with manifest.json{hint}")
+
+
+def select(text: str) -> ObjectSet:
+    """Objects from a comma list of set names, object names and ids, for example ``"geometric8,cube,12"``.
+
+    Order is kept, duplicates are dropped. A directory made by ``object-sets build`` may stand alone or in the list.
+
+    Raises:
+        UnknownObjectError: an item is none of these; the message names the nearest that is.
+    """
+    everything = load("all")
+    chosen: dict[tuple[int, str], Object] = {}
+    items = [item.strip() for item in text.split(",")]
+    for item in items:
+        if item in SETS:
+            found: tuple[Object, ...] = load(item).objects
+        elif item.isdecimal() and int(item) < len(everything):
+            found = (everything[int(item)],)
+        elif item in everything.names:
+            found = (everything[item],)
+        elif item and (Path(item) / "manifest.json").is_file():
+            found = load(Path(item)).objects
+        else:
+            hint = nearest(item, [*SETS, *everything.names])
+            raise UnknownObjectError(f"object {item!r} in {text!r}: ids 0-{len(everything) - 1}, names and sets{hint}")
+        for candidate in found:
+            chosen.setdefault((candidate.id, candidate.name), candidate)
+    return ObjectSet(text if len(items) > 1 else items[0], tuple(chosen.values()))
+
+
+@lru_cache(maxsize=16)
+def _read(directory: Path, stamp: int) -> ObjectSet:
+    from object_sets.manifest import MANIFEST_NAME, Manifest
+
+    manifest = Manifest.from_bytes((directory / MANIFEST_NAME).read_bytes(), directory / MANIFEST_NAME)
+    objects: list[Object] = []
+    for entry in manifest.objects:
+        file = directory / entry.file
+        if not file.is_file():
+            raise DataError(f"{file}: missing, the manifest lists it; build the set again")
+        data = file.read_bytes()
+        if sha256(data) != entry.sha256:
+            raise DataError(f"{file}: sha256 does not fit the manifest; the file was altered, build the set again")
+        arrays = read_npz(data, file)
+        nominal = Object(
+            id=entry.id,
+            name=entry.name,
+            vertices=arrays["vertices"],
+            faces=arrays["faces"],
+            parts=tuple(arrays[f"part{i}"] for i in range(len(entry.parts))),
+            convex=entry.convexity == "convex",
+            source=entry.source,
+            licence=entry.licence,
+            mass=entry.mass,
+        )
+        if nominal.digest != entry.digest:
+            raise DataError(f"{file}: content digest does not fit the manifest; build the set again")
+        objects.extend(_sizes(nominal, entry.scales, len(objects)))
+    return ObjectSet(manifest.name, tuple(objects))
+
+
+def _sizes(nominal: Object, scales: tuple, start: int) -> list[Object]:
+    from dataclasses import replace
+
+    if not scales:
+        return [nominal]
+    return [
+        replace(nominal.scaled(factors), id=start + k, name=f"{nominal.name}_{k:03d}")
+        for k, factors in enumerate(scales)
+    ]
+
+
+def _load_directory(directory: Path) -> ObjectSet:
+    return _read(directory, (directory / "manifest.json").stat().st_mtime_ns)
