@@ -1,0 +1,1 @@
+"""The hand: kinematic table, URDF, impedance controller, command filter."""

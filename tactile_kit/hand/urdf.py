@@ -1,0 +1,87 @@
+"""Writes the hand as a URDF: capsules for contacts, true inertias, a passive distal joint a finger."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tactile_kit.hand import kinematics
+from tactile_kit.hand.kinematics import DISTAL, MIDDLE, PROXIMAL, Link
+
+# The abduction joint's own moving part is not in the public masses; a gram keeps Bullet's recursion regular.
+ABDUCTION_MASS = 1e-3
+ABDUCTION_INERTIA = 1e-6
+# Reflected inertia of the three drives about their joint axes, kg m². Not published; this order of magnitude is usual for
+# geared finger drives, and it keeps the stiffness term of the controller stable up to a step of 1/60 s.
+ARMATURE = 1e-3
+_JOINT_NAMES = ("abduction", "flexion", "middle", "distal")
+
+
+def _numbers(values) -> str:
+    return " ".join(f"{value:.9g}" for value in values)
+
+
+def _inertial(parent: ElementTree.Element, mass: float, centre, inertia) -> None:
+    element = ElementTree.SubElement(parent, "inertial")
+    ElementTree.SubElement(element, "origin", xyz=_numbers(centre), rpy="0 0 0")
+    ElementTree.SubElement(element, "mass", value=f"{mass:.9g}")
+    names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+    ElementTree.SubElement(element, "inertia", {key: f"{inertia[at]:.9g}" for key, at in names.items()})
+
+
+def _capsule(parent: ElementTree.Element, link: Link) -> None:
+    """URDF capsules lie along z: turn them along the link's axis."""
+    centre = np.zeros(3)
+    centre[link.axis] = (link.capsule.start + link.capsule.end) / 2
+    rpy = (0.0, np.pi / 2, 0.0) if link.axis == 0 else (-np.pi / 2, 0.0, 0.0)
+    size = {"radius": f"{link.capsule.radius:.9g}", "length": f"{link.capsule.end - link.capsule.start:.9g}"}
+    for kind in ("visual", "collision"):
+        element = ElementTree.SubElement(parent, kind)
+        ElementTree.SubElement(element, "origin", xyz=_numbers(centre), rpy=_numbers(rpy))
+        ElementTree.SubElement(ElementTree.SubElement(element, "geometry"), "capsule", size)
+
+
+def hand_urdf() -> str:
+    """The hand's URDF as text: base ``palm`` (no collision geometry), 16 revolute joints, finger by finger."""
+    robot = ElementTree.Element("robot", name="hand")
+    palm = ElementTree.SubElement(robot, "link", name="palm")
+    _inertial(palm, kinematics.BASE_MASS * kinematics.FINGERS, np.zeros(3), np.eye(3) * 1e-3)
+    drive = np.eye(3) * ARMATURE  # isotropic: Bullet refuses tensors that no body could have
+    links = (None, PROXIMAL, MIDDLE, DISTAL)
+    lower = kinematics.expand(kinematics.JOINT_LOWER)
+    upper = kinematics.expand(kinematics.JOINT_UPPER)
+    for finger in range(kinematics.FINGERS):
+        parent = "palm"
+        for index, (joint, link, origin) in enumerate(
+            zip(_JOINT_NAMES, links, kinematics.joint_origins(finger), strict=True)
+        ):
+            name = f"f{finger + 1}_{joint}"
+            element = ElementTree.SubElement(robot, "link", name=name)
+            if link is None:
+                _inertial(element, ABDUCTION_MASS, np.zeros(3), np.eye(3) * ABDUCTION_INERTIA + drive)
+            else:
+                centre, inertia = kinematics.capsule_inertia(link)
+                _inertial(element, link.mass, centre, inertia + drive * (link is not DISTAL))
+                _capsule(element, link)
+            hinge = ElementTree.SubElement(robot, "joint", name=f"{name}_joint", type="revolute")
+            ElementTree.SubElement(hinge, "parent", link=parent)
+            ElementTree.SubElement(hinge, "child", link=name)
+            rpy = Rotation.from_matrix(origin[:3, :3]).as_euler("xyz")
+            ElementTree.SubElement(hinge, "origin", xyz=_numbers(origin[:3, 3]), rpy=_numbers(rpy))
+            ElementTree.SubElement(hinge, "axis", xyz="0 0 1")
+            bounds = {"lower": f"{lower[4 * finger + index]:.9g}", "upper": f"{upper[4 * finger + index]:.9g}"}
+            ElementTree.SubElement(hinge, "limit", effort="10", velocity="100", **bounds)
+            parent = name
+    ElementTree.indent(robot)
+    return ElementTree.tostring(robot, encoding="unicode") + "\n"
+
+
+def write_hand_urdf(path: Path | str) -> Path:
+    """Write :func:`hand_urdf` to ``path`` and return it."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(hand_urdf(), encoding="utf-8")
+    return path

@@ -1,0 +1,103 @@
+"""Objects as Bullet bodies: convex hulls as they are, several parts as a compound read from a cached OBJ file."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from object_sets import Object
+from tactile_kit.hand.urdf import hand_urdf
+from tactile_kit.task.rotations import to_quaternion
+
+DEFAULT_MASS = 0.05  # kg
+
+
+def cache_directory() -> Path:
+    """Where prepared files are kept: ``$TACTILE_KIT_CACHE``, by default ``~/.cache/tactile-kit``."""
+    return Path(os.environ.get("TACTILE_KIT_CACHE") or Path.home() / ".cache" / "tactile-kit")
+
+
+def _write_once(path: Path, text: str) -> Path:
+    """Write atomically unless the (content-named) file is there already with this text."""
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent)
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.replace(temporary, path)
+    return path
+
+
+def hand_file() -> Path:
+    """The hand's URDF in the cache."""
+    return _write_once(cache_directory() / "hand.urdf", hand_urdf())
+
+
+def _obj_text(parts: tuple[np.ndarray, ...]) -> str:
+    lines, offset = [], 1
+    for index, points in enumerate(parts):
+        hull = ConvexHull(points)
+        lines.append(f"o part{index}")
+        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points]
+        lines += [f"f {a + offset} {b + offset} {c + offset}" for a, b, c in hull.simplices]
+        offset += len(points)
+    return "\n".join(lines) + "\n"
+
+
+class Body:
+    """What Bullet needs to make one object quickly, again and again.
+
+    The frame outside is the mesh's canonical frame; Bullet's own is the centre of mass and its principal axes.
+    """
+
+    def __init__(self, thing: Object) -> None:
+        self.name = thing.name
+        self.mass = thing.mass if thing.mass is not None else DEFAULT_MASS
+        moments, axes = np.linalg.eigh(thing.inertia)
+        if np.linalg.det(axes) < 0:
+            axes[:, 0] *= -1
+        if np.allclose(thing.inertia, np.diag(np.diag(thing.inertia)), atol=1e-12):
+            moments, axes = np.diag(thing.inertia).copy(), np.eye(3)
+        self.moments = moments
+        self.com = np.asarray(thing.center_of_mass, dtype=np.float64)
+        self.axes = axes
+        self._axes_quaternion = to_quaternion(axes).tolist()
+        self._identity = bool(np.allclose(axes, np.eye(3)) and np.allclose(self.com, 0, atol=1e-9))
+        self._vertices = [part.tolist() for part in thing.parts]
+        self._file = None
+        if len(thing.parts) > 1:
+            self._file = str(_write_once(cache_directory() / "bodies" / f"{thing.digest}.obj", _obj_text(thing.parts)))
+
+    def create(self, bullet, mass: float) -> int:
+        """Make the body of ``mass`` kg in the client ``bullet``; returns its id."""
+        if self._file is None:
+            shape = bullet.createCollisionShape(bullet.GEOM_MESH, vertices=self._vertices[0])
+        else:
+            shape = bullet.createCollisionShape(bullet.GEOM_MESH, fileName=self._file)
+        if shape < 0:
+            raise RuntimeError(f"Bullet made no collision shape for {self.name} ({self._file or 'one convex part'})")
+        body = bullet.createMultiBody(
+            baseMass=mass,
+            baseCollisionShapeIndex=shape,
+            baseInertialFramePosition=self.com.tolist(),
+            baseInertialFrameOrientation=self._axes_quaternion,
+        )
+        bullet.changeDynamics(body, -1, mass=mass, localInertiaDiagonal=(self.moments * mass).tolist())
+        return body
+
+    def to_bullet(self, position: np.ndarray, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Canonical frame pose to Bullet's pose (centre of mass, principal axes)."""
+        if self._identity:
+            return position, rotation
+        return position + rotation @ self.com, rotation @ self.axes
+
+    def from_bullet(self, position: np.ndarray, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Inverse of :meth:`to_bullet`."""
+        if self._identity:
+            return position, rotation
+        rotation = rotation @ self.axes.T
+        return position - rotation @ self.com, rotation

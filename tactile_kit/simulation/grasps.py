@@ -1,0 +1,171 @@
+"""Initial states: a randomly turned object, and four fingers closed around it until each feels resistance.
+
+The paper (section II-E) spawns a randomly oriented object in the hand and closes the fingers by a heuristic. Grasps are
+found once an object and size and kept in a bank, named by the content of everything that they depend on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import randomization
+from object_sets import Object
+from tactile_kit.hand import kinematics, urdf
+from tactile_kit.simulation.bodies import Body, cache_directory
+from tactile_kit.simulation.config import SimulationConfig
+from tactile_kit.simulation.world import Grasp, PhysicsFault, World
+from tactile_kit.task.rotations import random_rotations
+
+Array = NDArray[np.float64]
+
+OPENING = np.tile([0.0, -0.35, -0.10], kinematics.FINGERS)  # from the mean grasp
+CLOSING = np.array([0.0, 0.05, 0.033])  # rad a control step and finger
+FELT = 0.05  # rad: a finger whose q2 or q3 lags its command by this much stands against the object
+CLOSING_STEPS = 20
+SETTLING_STEPS = 5
+HOLDING_STEPS = 10  # under gravity
+MAX_OFFSET = 0.03  # m from the nominal centre
+MAX_DRIFT = 0.005  # m during the last half second
+RECIPE = 3  # counts changes of this file that give other grasps
+
+
+class GraspError(RuntimeError):
+    """No grasp was found."""
+
+
+def _close(world: World) -> None:
+    """Close every finger until it feels the object."""
+    target = np.clip(kinematics.MEAN_GRASP + OPENING, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
+    for _ in range(CLOSING_STEPS):
+        lag = (world.command - world.joints[kinematics.DRIVEN_INDEX]).reshape(kinematics.FINGERS, kinematics.DRIVEN)
+        free = lag[:, 1:].max(axis=1) < FELT
+        target = target + (free[:, None] * CLOSING).ravel()
+        target = np.clip(target, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
+        world.step(target)
+    for _ in range(SETTLING_STEPS):
+        world.step(target)
+
+
+def try_grasp(world: World, body: Body, rotation: Array) -> Grasp | None:
+    """Close the hand around ``body`` turned by ``rotation``; None if the object is not held."""
+    weightless = {**randomization.preset("none").draw("episode", 0), "gravity": 0.0}
+    world.load(body, weightless)
+    start = np.clip(kinematics.MEAN_GRASP + OPENING, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
+    world.place(Grasp(kinematics.expand(start), start, np.zeros(3), rotation))
+    world.bullet.performCollisionDetection()
+    if any(contact[8] < -1e-3 for contact in world.bullet.getContactPoints(world.object)):
+        return None  # the open hand is in the object already
+    try:
+        _close(world)
+        target = world.command.copy()
+        world.physics["gravity"] = randomization.STANDARD_GRAVITY
+        world.disturb(np.zeros(3), np.zeros(3))
+        for step in range(HOLDING_STEPS):
+            if step == HOLDING_STEPS // 2:
+                before = world.position
+            world.step(target)
+    except PhysicsFault:
+        return None
+    held = np.linalg.norm(world.position) < MAX_OFFSET and np.linalg.norm(world.position - before) < MAX_DRIFT
+    if not held:
+        return None
+    return Grasp(world.joints.copy(), world.command.copy(), world.position.copy(), world.rotation.copy())
+
+
+@dataclass(frozen=True)
+class GraspBank:
+    """Grasps of several objects: arrays over all grasps and the first grasp of each object.
+
+    ``joints (G, 16)``, ``command (G, 12)``, ``position (G, 3)``, ``rotation (G, 3, 3)``, ``start (N + 1,)``.
+    """
+
+    joints: Array
+    command: Array
+    position: Array
+    rotation: Array
+    start: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.start) - 1
+
+    def count(self, index: int) -> int:
+        """Number of grasps of object ``index``."""
+        return int(self.start[index + 1] - self.start[index])
+
+    def grasp(self, index: int, number: int) -> Grasp:
+        """Grasp ``number`` of object ``index``."""
+        if not 0 <= number < self.count(index):
+            raise IndexError(f"grasp {number} of object {index}: allowed are 0 to {self.count(index) - 1}")
+        at = int(self.start[index]) + number
+        return Grasp(self.joints[at], self.command[at], self.position[at], self.rotation[at])
+
+
+def find_grasps(world: World, thing: Object, count: int, seed: int = 0, attempts: int = 60) -> list[Grasp]:
+    """``count`` grasps of ``thing``, each from a random orientation; reproducible from ``seed``.
+
+    Raises:
+        GraspError: fewer than ``count`` grasps in ``attempts * count`` tries.
+    """
+    body, found = Body(thing), []
+    generator = randomization.stream(seed, "grasps", thing.digest)
+    for rotation in random_rotations(generator, attempts * count):
+        grasp = try_grasp(world, body, rotation)
+        if grasp is not None:
+            found.append(grasp)
+        if len(found) == count:
+            return found
+    raise GraspError(
+        f"{thing.name} with extents {np.round(thing.extents * 1000, 1)} mm: {len(found)} of {count} grasps held in "
+        f"{attempts * count} tries"
+    )
+
+
+def _bank_file(thing: Object, count: int, seed: int, config: SimulationConfig) -> Path:
+    settings = json.dumps(
+        [RECIPE, thing.digest, count, seed, config.model_dump(), urdf.hand_urdf()], sort_keys=True
+    )
+    return cache_directory() / "grasps" / f"{hashlib.sha256(settings.encode()).hexdigest()[:24]}.npz"
+
+
+def _save(path: Path, grasps: Sequence[Grasp]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".npz")
+    with os.fdopen(handle, "wb") as file:
+        np.savez(file, **{name: np.stack([getattr(g, name) for g in grasps]) for name in Grasp.__annotations__})
+    os.replace(temporary, path)
+
+
+def grasps_of(
+    things: Sequence[Object],
+    count: int,
+    config: SimulationConfig,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> GraspBank:
+    """The bank of ``count`` grasps for each of ``things``, read from the cache where it is there.
+
+    Grasps are looked for at the coarsest step: they are starting states, and every episode lets them settle.
+    """
+    world, rows = None, []
+    for index, thing in enumerate(things):
+        path = _bank_file(thing, count, seed, config)
+        if not path.exists():
+            world = world or World(config)
+            _save(path, find_grasps(world, thing, count, seed))
+        with np.load(path, allow_pickle=False) as data:
+            rows.append({name: data[name] for name in Grasp.__annotations__})
+        if progress:
+            progress(index + 1, len(things))
+    if world is not None:
+        world.close()
+    start = np.cumsum([0] + [len(row["joints"]) for row in rows])
+    return GraspBank(**{name: np.concatenate([row[name] for row in rows]) for name in Grasp.__annotations__}, start=start)

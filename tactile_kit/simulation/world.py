@@ -1,0 +1,177 @@
+"""One world: a Bullet client with the hand and one object, advanced one control step (0.1 s) at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+from pybullet_utils.bullet_client import BulletClient
+
+from tactile_kit.hand import kinematics
+from tactile_kit.hand.controller import TORQUE_LIMIT, CommandFilter, Impedance, ImpedanceController
+from tactile_kit.simulation.bodies import Body, hand_file
+from tactile_kit.simulation.config import SAMPLES, SimulationConfig
+from tactile_kit.task.rotations import from_quaternion, to_quaternion
+
+Array = NDArray[np.float64]
+JOINT_IDS = list(range(kinematics.ALL_JOINTS))
+DRIVEN_IDS = kinematics.DRIVEN_INDEX.tolist()
+PASSIVE_IDS = kinematics.PASSIVE_INDEX.tolist()
+# Each passive joint follows its q3 through a motor without play; the tendon carries what the drive can.
+PASSIVE_FORCES = [TORQUE_LIMIT] * kinematics.FINGERS
+PASSIVE_GAINS = [1.0] * kinematics.FINGERS  # the lag behind q3 is made good within a step
+TIP_LINKS = kinematics.PASSIVE_INDEX.tolist()
+MAX_JOINT_SPEED = 60.0  # rad/s; ten times what the controller's torque limit can bring about in free air
+_ORIENTATION = to_quaternion(kinematics.HAND_ROTATION).tolist()
+
+
+class PhysicsFault(RuntimeError):
+    """The simulation left the range in which it means anything: not finite, or faster than the drives allow."""
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """A held object: joint angles ``(16,)``, filtered command ``(12,)``, object pose ``(3,)``, ``(3, 3)``."""
+
+    joints: Array
+    command: Array
+    position: Array
+    rotation: Array
+
+
+class World:
+    """The hand with one object.
+
+    ``load`` builds the scene anew, which is what makes an episode repeatable whatever came before it;
+    ``place`` puts hand and object into a grasp; ``step`` advances 0.1 s.
+
+    Attributes:
+        q, e: measured joint angles and control errors of the last control step, ``(6, 12)`` rad, oldest first.
+        position, rotation: of the object's canonical frame, ``(3,)`` m and ``(3, 3)``, world frame.
+        joints: true joint angles ``(16,)`` rad.
+    """
+
+    def __init__(self, config: SimulationConfig) -> None:
+        self.config = config
+        self.bullet = BulletClient(pybullet.DIRECT)
+        self._hand_file = str(hand_file())
+        self._filter = CommandFilter(config.filter_time_constant, config.time_step)
+        self.q, self.e = np.zeros((SAMPLES, kinematics.JOINTS)), np.zeros((SAMPLES, kinematics.JOINTS))
+        self.position, self.rotation = np.zeros(3), np.eye(3)
+        self.joints, self.speeds = np.zeros(kinematics.ALL_JOINTS), np.zeros(kinematics.ALL_JOINTS)
+        self.body: Body | None = None
+
+    def close(self) -> None:
+        """Disconnect the client."""
+        self.bullet.disconnect()
+
+    def load(self, body: Body, physics: Mapping[str, object]) -> None:
+        """Build the scene with ``body`` and the episode's ``physics`` (names and units: ``randomization``)."""
+        bullet, self.body = self.bullet, body
+        self.physics = dict(physics)
+        bullet.resetSimulation()
+        bullet.setPhysicsEngineParameter(
+            fixedTimeStep=self.config.time_step,
+            numSolverIterations=self.config.solver_iterations,
+            numSubSteps=0,
+            deterministicOverlappingPairs=1,
+        )
+        flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_SELF_COLLISION
+        flags |= pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_ALL_PARENTS
+        self.hand = bullet.loadURDF(
+            self._hand_file, kinematics.HAND_POSITION.tolist(), _ORIENTATION, useFixedBase=True, flags=flags
+        )
+        self._mass = max(body.mass + float(physics["object_mass_offset"]), 1e-3)
+        self.object = body.create(bullet, self._mass)
+        for link in JOINT_IDS:
+            friction = physics["tip_friction"] if link in TIP_LINKS else physics["link_friction"]
+            bullet.changeDynamics(self.hand, link, lateralFriction=friction, linearDamping=0, angularDamping=0)
+        # Bullet multiplies the coefficients of the two bodies: the object's are 1 and the hand's rule.
+        bullet.changeDynamics(self.object, -1, lateralFriction=1.0, linearDamping=0, angularDamping=0)
+        for link in TIP_LINKS:
+            bullet.changeDynamics(self.hand, link, spinningFriction=physics["spinning_friction"])
+        bullet.setJointMotorControlArray(
+            self.hand, DRIVEN_IDS, pybullet.VELOCITY_CONTROL, forces=np.asarray(physics["stick_friction"]).tolist()
+        )  # a velocity motor at rest is Coulomb friction
+        impedance = Impedance(physics["kp"], physics["kd"], physics["series_stiffness"])
+        self.controller = ImpedanceController(impedance, self.config.time_step)
+        self._offset = np.asarray(physics["joint_offset"], dtype=np.float64)
+        self.disturb(np.zeros(3), np.zeros(3))
+
+    def place(self, grasp: Grasp) -> None:
+        """Put hand and object into ``grasp``, at rest."""
+        for joint, angle in enumerate(grasp.joints.tolist()):
+            self.bullet.resetJointState(self.hand, joint, angle)
+        position, rotation = self.body.to_bullet(grasp.position, grasp.rotation)
+        self.bullet.resetBasePositionAndOrientation(self.object, position.tolist(), to_quaternion(rotation).tolist())
+        self._filter.reset(grasp.command)
+        self._read_joints()
+        self._read_object()
+        self._measure(slice(None))
+
+    def disturb(self, force: Array, torque: Array) -> None:
+        """Force ``(3,)`` N and torque ``(3,)`` Nm on the object until the next call, world frame.
+
+        The force tilts gravity, which costs nothing; the hand's links feel it too, but are a hundred times stiffer.
+        """
+        gravity = np.array([0.0, 0.0, -float(self.physics["gravity"])])
+        self.bullet.setGravity(*(gravity + np.asarray(force) / self._mass).tolist())
+        self._torque = np.asarray(torque).tolist() if np.any(torque) else None
+
+    def step(self, target: Array, noise: Array | None = None) -> None:
+        """Advance 0.1 s towards the target joint angles ``(12,)`` rad; ``noise`` ``(6, 12)`` is added to the angles.
+
+        Raises:
+            PhysicsFault: the state is not finite or impossibly fast.
+        """
+        bullet, hand, controller = self.bullet, self.hand, self.controller
+        for sample in range(SAMPLES):
+            for _ in range(self.config.steps_per_sample):
+                # the encoders' offset shifts what the controller holds
+                command = self._filter.update(target)
+                torques = controller.torques(self.joints, self.speeds, command - self._offset)
+                bullet.setJointMotorControlArray(hand, JOINT_IDS, pybullet.TORQUE_CONTROL, forces=torques.tolist())
+                bullet.setJointMotorControlArray(
+                    hand,
+                    PASSIVE_IDS,
+                    pybullet.POSITION_CONTROL,
+                    targetPositions=self.joints[2::4].tolist(),
+                    positionGains=PASSIVE_GAINS,
+                    forces=PASSIVE_FORCES,
+                )
+                if self._torque is not None:
+                    bullet.applyExternalTorque(self.object, -1, self._torque, pybullet.WORLD_FRAME)
+                bullet.stepSimulation()
+                self._read_joints()
+            self._measure(sample, None if noise is None else noise[sample])
+        self._read_object()
+        fastest = np.abs(self.speeds).max()
+        if not math.isfinite(fastest + self.position.sum()) or fastest > MAX_JOINT_SPEED:
+            raise PhysicsFault(f"joint speed {fastest:.3g} rad/s, object at {self.position}")
+
+    @property
+    def command(self) -> Array:
+        """Filtered command ``(12,)`` rad."""
+        return self._filter.value
+
+    def _read_joints(self) -> None:
+        states = np.array([state[:2] for state in self.bullet.getJointStates(self.hand, JOINT_IDS)])
+        self.joints, self.speeds = states.T.copy()
+
+    def _read_object(self) -> None:
+        position, quaternion = self.bullet.getBasePositionAndOrientation(self.object)
+        rotation = from_quaternion(np.array(quaternion))
+        self.position, self.rotation = self.body.from_bullet(np.array(position), rotation)
+
+    def _measure(self, sample: int | slice, noise: Array | None = None) -> None:
+        command = self._filter.value
+        angles = self.joints[kinematics.DRIVEN_INDEX]
+        angles = self.controller.measured(angles, command - self._offset) + self._offset
+        if noise is not None:
+            angles = angles + noise
+        self.q[sample] = angles
+        self.e[sample] = command - angles
