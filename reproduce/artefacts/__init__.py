@@ -1,0 +1,17 @@
+"""Tables, figures, claims, report: one file each. ``make(results, outputs)`` reads episode rows and writes the files."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from reproduce.errors import ReproduceError, nearest
+from reproduce.inventory import NEEDS, Results
+
+
+def make(name: str, results: Results, outputs: Sequence[Path]) -> None:
+    """Makes the artefact of that name. Raises ``ReproduceError`` for a name that isn't one."""
+    if name not in NEEDS:
+        raise ReproduceError(f"artefact {name!r} unknown{nearest(name, NEEDS)}")
+    importlib.import_module(f"reproduce.artefacts.{name}").make(results, list(outputs))

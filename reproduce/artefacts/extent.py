@@ -1,0 +1,97 @@
+"""Fig. 9 of the paper: success against the extent furthest from the median, told the right mesh or a fixed median mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from reproduce.cells import Cell, paper_values, rate_cell, write_cells
+from reproduce.inventory import TACTILE, Results
+from reproduce.style import GREY, figure, footnote, save, say_missing, steps_text
+from tactile_kit.evaluation.rows import EpisodeRow
+from tactile_kit.evaluation.summary import group
+
+LINES = (
+    ("extent-true", "correct mesh", "#2c7fb8", "o"),
+    ("extent-fixed", "fixed median mesh", "#d95f0e", "^"),
+)
+BINS = 6  # of the furthest extent, for the table beside the figure
+
+
+def make(results: Results, outputs: Sequence[Path]) -> None:
+    """``outputs``: PNG, SVG and a CSV of success by bins of the furthest extent."""
+    values = paper_values("extent")
+    cells: list[Cell] = []
+    made, (axes,) = figure(6.0, 4.1)
+    episodes = []
+    for evaluation, label, colour, marker in LINES:
+        rows, runs = results.rows(TACTILE, evaluation), results.evaluated(TACTILE, evaluation)
+        steps = results.steps_trained(runs)
+        cells += bin_cells(rows, label, values["range"], runs, steps)
+        if rows is None:
+            axes.plot([], [], color=colour, marker=marker, label=f"{label}: missing")
+            continue
+        extents, rates, counts = samples(rows)
+        episodes += list(counts)
+        axes.scatter(100 * extents, rates, s=14, color=colour, marker=marker, alpha=0.55, linewidths=0)
+        fit = polynomial(extents, rates, values["degree"])
+        name = f"{label}, {len(rates)} samples"
+        if fit is None:
+            axes.plot([], [], color=colour, marker=marker, label=f"{name} (too few for a fit of degree {values['degree']})")
+            continue
+        x = np.linspace(extents.min(), extents.max(), 200)
+        axes.plot(100 * x, np.clip(fit(x), 0, 1), color=colour, linewidth=1.8, marker=marker, markevery=[0], label=name)
+    if not episodes:
+        say_missing(axes, "missing: the tactile agent was not evaluated")
+    axes.axvline(100 * values["median"], color=GREY, linewidth=0.8, linestyle=":")
+    axes.set_xlabel("extent furthest from the median (cm)")
+    axes.set_ylabel("success rate")
+    axes.set_xlim(100 * values["range"][0] - 0.1, 100 * values["range"][1] + 0.1)
+    axes.set_ylim(-0.02, 1.02)
+    made.legend(loc="outside upper center", ncols=1, fontsize=8)
+    low, high = (min(episodes), max(episodes)) if episodes else (0, 0)
+    span = f"{low}" if low == high else f"{low} to {high}"
+    trained = steps_text(results.steps_trained(results.run_names(TACTILE)))
+    footnote(
+        made,
+        f"Scale {results.scale}; tactile VecBPS, {trained}. A sample: one object size, {span} episodes\n(the paper: 120; 512"
+        " samples a line). Lines: polynomials of degree 4.",
+    )
+    save(made, outputs)
+    write_cells(outputs[2], cells)
+
+
+def samples(rows: Sequence[EpisodeRow]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(extents (S,) m, success rates (S,), episodes (S,) int): one sample an object, size and run."""
+    groups = group(rows, lambda row: (row.agent, row.object_id, row.size)).values()
+    return (
+        np.array([members[0].furthest_extent for members in groups]),
+        np.array([np.mean([row.success for row in members]) for members in groups]),
+        np.array([len(members) for members in groups]),
+    )
+
+
+def polynomial(extents: np.ndarray, rates: np.ndarray, degree: int) -> np.polynomial.Polynomial | None:
+    """Least-squares polynomial; None where there are too few different extents to determine one."""
+    if len(np.unique(extents)) <= degree + 1:
+        return None
+    return np.polynomial.Polynomial.fit(extents, rates, degree)
+
+
+def bin_cells(
+    rows: Sequence[EpisodeRow] | None, label: str, span: Sequence[float], runs: Sequence[str], steps: Sequence[int]
+) -> list[Cell]:
+    """Success rates by equal bins of the furthest extent."""
+    edges = np.linspace(span[0], span[1], BINS + 1)
+    cells = []
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        last = high == edges[-1]
+        inside = [
+            row for row in rows or () if low <= row.furthest_extent < high or (last and row.furthest_extent >= high)
+        ]
+        name = f"{100 * low:.2f} to {100 * high:.2f} cm"
+        why = "run not there" if rows is None else "no object size in this range"
+        cells.append(rate_cell(name, label, None, inside, runs=runs, steps=steps, missing=why))
+    return cells

@@ -1,0 +1,98 @@
+"""Fig. 5 of the paper: success rate of oracle agents during training, by shape encoding and object set."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+import randomization
+from reproduce.cells import Cell, empty_cell, estimate_cell, paper_values, write_cells
+from reproduce.inventory import CURVES, Curve, Results
+from reproduce.style import LINES, figure, footnote, save, say_missing
+from tactile_kit.evaluation.intervals import stratified_bootstrap
+from tactile_kit.evaluation.summary import Estimate
+
+GRID = 200  # points a curve is drawn with
+TAIL = 0.1  # the last tenth of training stands for "where the curve ends"
+
+
+def make(results: Results, outputs: Sequence[Path]) -> None:
+    """``outputs``: PNG, SVG and a CSV of where the curves end."""
+    values = paper_values("learning")
+    made, panels = figure(10.5, 3.5, 3)
+    cells: list[Cell] = []
+    for axes, panel in zip(panels, values["panels"], strict=True):
+        objects = panel["set"]
+        missing = []
+        longest = 0
+        for line in CURVES[objects]:
+            colour, label = LINES[line]
+            curves = usable(results.curves(f"oracle-{line}-{objects}"))
+            cells.append(_end_cell(objects, label, curves, results))
+            if not curves:
+                missing.append(label)
+                continue
+            steps, low, mean, high = band(curves)
+            longest = max(longest, int(steps[-1]))
+            seeds = f"{len(curves)} seed{'s' if len(curves) > 1 else ''}"
+            axes.plot(steps, mean, color=colour, linewidth=1.4, label=f"{label} ({seeds})")
+            if len(curves) > 1:
+                axes.fill_between(steps, low, high, color=colour, alpha=0.18, linewidth=0)
+        axes.set_title(panel["title"])
+        axes.set_xlabel("environment steps")
+        axes.set_ylim(0, 1)
+        axes.set_xlim(0, longest or 1)
+        if missing and len(missing) == len(CURVES[objects]):
+            say_missing(axes, "missing: no run of this object set\n(" + ", ".join(missing) + ")")
+            axes.set_xticks([])
+        else:
+            title = "missing: " + ", ".join(missing) if missing else None
+            axes.legend(loc="upper left", fontsize=7, title=title, title_fontsize=7)
+    panels[0].set_ylabel("success rate in training, smoothed")
+    footnote(
+        made,
+        f"Scale {results.scale}. Line: mean over seeds; band: smallest to largest seed. The paper shows three seeds a line,"
+        " and its curves as a picture only.",
+    )
+    save(made, outputs)
+    write_cells(outputs[2], cells)
+
+
+def usable(curves: Sequence[Curve]) -> list[Curve]:
+    """Those with two points or more: a line needs them."""
+    return [curve for curve in curves if len(curve.steps) >= 2]
+
+
+def band(curves: Sequence[Curve]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(steps, smallest, mean, largest), each (GRID,), over the steps all seeds have reached."""
+    first = max(curve.steps[0] for curve in curves)
+    last = min(curve.steps[-1] for curve in curves)
+    steps = np.linspace(first, last, GRID)
+    values = np.stack([np.interp(steps, curve.steps, curve.success) for curve in curves])
+    return steps, values.min(0), values.mean(0), values.max(0)
+
+
+def ends(curves: Sequence[Curve], last: int | None = None) -> np.ndarray:
+    """(seeds,) mean success over the last tenth of the steps that all have reached (up to ``last``)."""
+    last = min(curve.steps[-1] for curve in curves) if last is None else last
+    grid = np.linspace((1 - TAIL) * last, last, 20)
+    return np.array([np.interp(grid, curve.steps, curve.success).mean() for curve in curves])
+
+
+def _end_cell(objects: str, label: str, curves: Sequence[Curve], results: Results) -> Cell:
+    quantity = "success rate at the end of training"
+    if not curves:
+        return empty_cell(objects, label, quantity, None, "run not there", unit="seeds")
+    values = ends(curves)
+    low = high = None
+    note = "one seed: no interval"
+    if len(values) > 1:
+        generator = randomization.stream(results.seed, "bootstrap", "learning", objects, label)
+        low, high = (float(v) for v in stratified_bootstrap([values], lambda s: s[0].mean(), generator=generator))
+        note = f"smallest {values.min():.3f}, largest {values.max():.3f}"
+    return estimate_cell(
+        objects, label, quantity, None, Estimate(float(values.mean()), low, high, len(values)), unit="seeds", note=note,
+        runs=[curve.run for curve in curves], steps=[curve.steps[-1] for curve in curves],
+    )

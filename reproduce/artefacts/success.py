@@ -1,0 +1,63 @@
+"""Fig. 7 of the paper: success per object of the tactile agent.
+
+The paper stands real-robot bars beside the simulation's. There is no robot here; in their place stand the same agent's
+rates in another simulator (sim-to-sim transfer), under that name, once such episodes exist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from reproduce.bars import bar
+from reproduce.cells import Cell, paper_values, rate_cell, write_cells
+from reproduce.inventory import TACTILE, TRANSFER, Results
+from reproduce.labels import object_label, paper_objects
+from reproduce.style import PAPER, figure, footnote, save, steps_text
+from reproduce.style import TACTILE as ORANGE
+
+TRANSFER_COLOUR = "#6b4fa0"
+SIMULATION, TRANSFERRED = "Tactile VecBPS, simulation", "sim-to-sim transfer (other simulator)"
+
+
+def make(results: Results, outputs: Sequence[Path]) -> None:
+    """``outputs``: PNG, SVG and a CSV of the bars."""
+    objects = paper_objects()
+    means = {i: group["value"] for group in paper_values("success")["class_means"] for i in group["ids"]}
+    cells: list[Cell] = []
+    made, (axes,) = figure(10.5, 3.7)
+    columns = (("nominal", SIMULATION, ORANGE, -0.2), (TRANSFER, TRANSFERRED, TRANSFER_COLOUR, 0.2))
+    for evaluation, label, colour, shift in columns:
+        rows, runs = results.rows(TACTILE, evaluation), results.evaluated(TACTILE, evaluation)
+        steps = results.steps_trained(runs)
+        said = f"{label}, {steps_text(steps)}" if rows else f"{label}: missing"
+        axes.bar([0], [0], color=colour, label=said)
+        why = "no transfer run" if evaluation == TRANSFER else "run not there"
+        for item in objects:
+            mine = [row for row in rows or () if row.object_id == item.id]
+            # The paper prints no number an object; its class means (Table I) stand for simulation only.
+            note = "paper's value: mean of the object's class in Table I" if evaluation == "nominal" else ""
+            paper = means[item.id] if evaluation == "nominal" else None
+            cell = rate_cell(object_label(item), label, paper, mine, runs=runs, steps=steps, missing=why, note=note)
+            cells.append(cell)
+            bar(axes, item.id + shift, 0.36, cell, colour)
+    for item in objects:
+        axes.plot([item.id - 0.38, item.id - 0.02], [means[item.id]] * 2, color=PAPER, linewidth=1.6)
+    axes.plot([], [], color=PAPER, linewidth=1.6, label="paper: mean of the object's class (Table I)")
+    axes.axvline(7.5, color="#b9bdc5", linewidth=0.8)
+    axes.text(7.4, 1.03, "Geometric 8", ha="right", fontsize=7.5, color="#555b66")
+    axes.text(7.6, 1.03, "OOD", ha="left", fontsize=7.5, color="#555b66")
+    axes.set_xticks([item.id for item in objects], [object_label(item, True) for item in objects], fontsize=7)
+    axes.set_xlim(-0.6, len(objects) - 0.4)
+    axes.set_ylim(0, 1.09)
+    axes.set_ylabel("success rate")
+    made.legend(loc="outside upper right", ncols=3, fontsize=7.5)
+    count = sorted({cell.n for cell in cells if cell.n})
+    n = f"{count[0]}" if len(count) == 1 else f"{count[0]} to {count[-1]}" if count else "no"
+    footnote(
+        made,
+        f"Scale {results.scale}. {n} episodes a bar (the paper: 6144), 95 % Wilson intervals. The paper's second bars are a real"
+        " robot's; they can't be had here.",
+    )
+    save(made, outputs)
+    write_cells(outputs[2], cells)

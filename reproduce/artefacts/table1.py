@@ -1,0 +1,85 @@
+"""Table I: success rates by object properties, four agents on objects 0-12."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from reproduce.cells import MEASURED, Cell, empty_cell, paper_values, rate_cell, write_cells
+from reproduce.files import write_atomic
+from reproduce.inventory import Results
+from reproduce.style import steps_text
+
+
+def make(results: Results, outputs: Sequence[Path]) -> None:
+    """``outputs``: CSV and LaTeX."""
+    values = paper_values("table1")
+    cells = table_cells(results, values)
+    write_cells(outputs[0], cells)
+    write_atomic(outputs[1], latex(values, cells, results))
+
+
+def table_cells(results: Results, values: dict) -> list[Cell]:
+    """One cell an object class and agent. A class is complete or missing: a mean over some of its objects is neither."""
+    cells = []
+    for index, row in enumerate(values["rows"]):
+        for column in values["columns"]:
+            role, paper = column["role"], column["values"][index]
+            rows = results.rows(role, "nominal")
+            runs = results.evaluated(role, "nominal")
+            inside = [r for r in rows or () if r.object_id in row["ids"]]
+            absent = sorted(set(row["ids"]) - {r.object_id for r in inside})
+            if inside and absent:
+                why = f"objects {absent} not evaluated"
+                cells.append(empty_cell(row["name"], column["name"], "success rate", paper, why, runs=runs))
+                continue
+            steps = results.steps_trained(runs)
+            cells.append(rate_cell(row["name"], column["name"], paper, inside, runs=runs, steps=steps))
+    return cells
+
+
+def latex(values: dict, cells: list[Cell], results: Results) -> str:
+    """The paper's layout; a cell reads: ours [95 % interval], the paper's in brackets below, n."""
+    by_place = {(cell.row, cell.column): cell for cell in cells}
+    names = [column["name"] for column in values["columns"]]
+    lines = [
+        "% Needs the package booktabs.",
+        r"\begin{table}",
+        r"  \centering",
+        rf"  \caption{{Success rates by object properties. Scale: {results.scale}. Each cell: ours [95\,\% Wilson interval],"
+        r" then the paper's value and our number of episodes.}",
+        r"  \begin{tabular}{l c " + "c " * len(names) + "}",
+        r"    \toprule",
+        r"    \multicolumn{2}{c}{Objects} & \multicolumn{2}{c}{Oracle} & \multicolumn{2}{c}{Estimator} \\",
+        r"    Description & IDs & \textit{VecBPS} & \textit{Pos} & \textit{VecBPS} & \textit{Pos} \\",
+        r"    \midrule",
+    ]
+    for row in values["rows"]:
+        ids = ", ".join(map(str, row["ids"]))
+        mine = [by_place[row["name"], name] for name in names]
+        lines.append(f"    {row['name']} & {ids} & " + " & ".join(map(_ours, mine)) + r" \\")
+        lines.append("     & & " + " & ".join(map(_paper, mine)) + r" \\")
+    trained = [_trained(by_place, values, name) for name in names]
+    lines += [
+        r"    \midrule",
+        r"    \multicolumn{2}{l}{Trained for} & " + " & ".join(trained) + r" \\",
+        r"    \bottomrule",
+        r"  \end{tabular}",
+        r"\end{table}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _ours(cell: Cell) -> str:
+    if cell.status != MEASURED:
+        return "missing"
+    return f"{cell.ours:.2f} [{cell.low:.2f}, {cell.high:.2f}]"
+
+
+def _paper(cell: Cell) -> str:
+    return f"(paper {cell.paper:.2f}; n = {cell.n})"
+
+
+def _trained(by_place: dict, values: dict, name: str) -> str:
+    cell = by_place[values["rows"][0]["name"], name]
+    return steps_text([int(text) for text in cell.steps_trained.split()]) if cell.steps_trained else "--"

@@ -1,0 +1,117 @@
+"""Fig. 6 of the paper: distributions of the final angle, one violin an object, oracle (left half) and tactile (right)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from reproduce.cells import Cell, empty_cell, estimate_cell, paper_values, write_cells
+from reproduce.inventory import ORACLE, TACTILE, Results
+from reproduce.labels import object_label, paper_objects
+from reproduce.style import ORACLE as BLUE
+from reproduce.style import TACTILE as ORANGE
+from reproduce.style import figure, footnote, save, steps_text
+from tactile_kit.evaluation.rows import SUCCESS_ANGLE, EpisodeRow
+from tactile_kit.evaluation.summary import final_angles, mean_final_angle
+from tactile_kit.evaluation.summary import share as rate_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+BANDWIDTH = 0.06  # rad, of the Gaussian kernel
+HALF = 0.42  # width of half a violin at its widest
+TOP = 1.62  # where what lies beyond the cut-off is drawn
+
+
+def make(results: Results, outputs: Sequence[Path]) -> None:
+    """``outputs``: PNG, SVG and a CSV of what each half shows."""
+    cutoff = paper_values("violin")["cutoff"]
+    made, (axes,) = figure(10.5, 3.9)
+    cells: list[Cell] = []
+    objects = paper_objects()
+    agents = ((ORACLE, "Oracle VecBPS", BLUE, -1), (TACTILE, "Tactile VecBPS", ORANGE, 1))
+    for role, label, colour, side in agents:
+        rows = results.rows(role, "nominal")
+        runs = results.evaluated(role, "nominal")
+        steps = results.steps_trained(runs)
+        said = f"{label}, {steps_text(steps)}" if rows else f"{label}: missing"
+        axes.fill_between([], [], [], color=colour, alpha=0.75, linewidth=0, label=said)
+        for item in objects:
+            mine = [row for row in rows or () if row.object_id == item.id]
+            cells += _cells(mine, object_label(item), label, cutoff, runs, steps, results.seed)
+            if mine:
+                half_violin(axes, item.id, side, mine, cutoff, colour)
+            else:
+                axes.text(item.id + 0.2 * side, 0.75, "missing", rotation=90, ha="center", va="center", fontsize=6.5,
+                          color="#8a8f98")
+    axes.axhline(SUCCESS_ANGLE, color="#333333", linewidth=0.8, linestyle="--")
+    axes.text(len(objects) - 0.45, SUCCESS_ANGLE, " success", va="center", fontsize=7)
+    axes.axhline(cutoff, color="#b9bdc5", linewidth=0.6)
+    axes.set_xticks([item.id for item in objects], [object_label(item, True) for item in objects], fontsize=7)
+    axes.set_yticks([0, 0.4, 0.8, 1.2, 1.5, TOP], ["0", "0.4", "0.8", "1.2", "1.5", "> 1.5 or drop"])
+    axes.set_ylim(0, TOP + 0.13)
+    axes.set_xlim(-0.6, len(objects) - 0.4)
+    axes.set_ylabel("final angle to the goal (rad)")
+    made.legend(loc="outside upper right", ncols=2)
+    count = sorted({cell.n for cell in cells if cell.n})
+    footnote(
+        made,
+        f"Scale {results.scale}. {_range(count)} episodes a half violin (the paper: 1536). Lumps at the top: angles over 1.5 rad"
+        " and drops, with their share in %.",
+    )
+    save(made, outputs)
+    write_cells(outputs[2], cells)
+
+
+def _range(counts: Sequence[int]) -> str:
+    if not counts:
+        return "No"
+    return str(counts[0]) if counts[0] == counts[-1] else f"{counts[0]} to {counts[-1]}"
+
+
+def lost(row: EpisodeRow, cutoff: float) -> bool:
+    """Whether the episode belongs to the lump at the top."""
+    return row.drop or row.theta is None or row.theta > cutoff
+
+
+def half_violin(axes: Axes, x: float, side: int, rows: Sequence[EpisodeRow], cutoff: float, colour: str) -> None:
+    """One half: area in proportion to the share of episodes, so that bulge and lump can be compared."""
+    kept = final_angles([row for row in rows if not lost(row, cutoff)])
+    grid = np.linspace(0.0, cutoff, 151)
+    density = density_of(kept, grid) * (len(kept) / len(rows))
+    # 2.5 /rad fills the half: half of all episodes within 0.2 rad.
+    width = np.minimum(density / 2.5, 1.0) * HALF
+    axes.fill_betweenx(grid, x, x + side * width, color=colour, alpha=0.75, linewidth=0)
+    share = 1.0 - len(kept) / len(rows)
+    lump = np.linspace(TOP - 0.06, TOP + 0.06, 25)
+    shape = np.sqrt(np.maximum(0.0, 1 - ((lump - TOP) / 0.06) ** 2))
+    axes.fill_betweenx(lump, x, x + side * shape * share * HALF, color=colour, alpha=0.75, linewidth=0)
+    axes.text(x + side * 0.22, TOP + 0.065, f"{100 * share:.0f}", ha="center", va="bottom", fontsize=6, color=colour)
+    axes.plot([x, x], [0, cutoff], color="white", linewidth=0.5)
+
+
+def density_of(angles: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Gaussian kernel density (1/rad) on ``grid``, mirrored at 0 so that no mass leaves the range of angles."""
+    if len(angles) == 0:
+        return np.zeros_like(grid)
+    both = np.concatenate([angles, -angles])
+    z = (grid[:, None] - both) / BANDWIDTH
+    return np.exp(-0.5 * z * z).sum(1) / (len(angles) * BANDWIDTH * np.sqrt(2 * np.pi))
+
+
+def _cells(
+    rows: Sequence[EpisodeRow], row: str, column: str, cutoff: float, runs: Sequence[str], steps: Sequence[int], seed: int
+) -> list[Cell]:
+    angle, share = "mean final angle (rad)", "share over 1.5 rad or dropped"
+    if not any(r.theta is not None for r in rows):
+        why = "not evaluated" if not rows else "no episode without a fault"
+        return [empty_cell(row, column, angle, None, why), empty_cell(row, column, share, None, why)]
+    away = rate_of(sum(lost(r, cutoff) for r in rows), len(rows))
+    return [
+        estimate_cell(row, column, angle, None, mean_final_angle(rows, seed), runs=runs, steps=steps),
+        estimate_cell(row, column, share, None, away, runs=runs, steps=steps),
+    ]
+

@@ -1,0 +1,128 @@
+"""What a claim's test says, and the rules all tests share.
+
+* A comparison counts only where its 95 % interval excludes the other answer.
+* A comparison of learning curves needs two seeds a line or more: one seed says nothing about the next.
+* A comparison of agents of which the stronger one hardly ever succeeds says nothing: it is not measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from reproduce.cells import percent
+from reproduce.files import read_yaml
+from reproduce.inventory import Results
+from tactile_kit.evaluation.intervals import difference, wilson
+from tactile_kit.evaluation.rows import EpisodeRow
+
+REPRODUCED, NOT_REPRODUCED, NOT_MEASURED = "reproduced", "not reproduced", "not measured"
+
+LEARNED = 0.10  # a rate whose lower bound lies below this is too near to chance (0.3 %) and luck to compare with
+CLEAR = 0.05  # differences of success rates smaller than this are "no clear difference" in the paper's sense
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """``figures``: the numbers behind it, in words. ``n``: episodes, or seeds for learning curves."""
+
+    verdict: str
+    figures: str
+    n: int = 0
+    unit: str = "episodes"
+
+
+class NotMeasured(Exception):
+    """Raised inside a test where data are missing or too thin; the text says which."""
+
+    def __init__(self, why: str, n: int = 0, unit: str = "episodes") -> None:
+        super().__init__(why)
+        self.n, self.unit = n, unit
+
+
+Test = Callable[[Results], Verdict]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A claim, its wording, the paper's figures and our verdict."""
+
+    number: int
+    claim: str
+    paper: str
+    verdict: Verdict
+
+
+def judge_all(results: Results) -> list[Judged]:
+    """All claims in order, tested on ``results``."""
+    from reproduce.claims.benchmark import TESTS as benchmark
+    from reproduce.claims.conditioning import TESTS as conditioning
+    from reproduce.claims.learning import TESTS as learning
+
+    tests = {**learning, **benchmark, **conditioning}
+    texts = read_yaml(Path(__file__).parents[1] / "paper_values" / "claims.yaml")["claims"]
+    return [
+        Judged(number, text["claim"], text["paper"], judge(tests[number], results))
+        for number, text in enumerate(texts, start=1)
+    ]
+
+
+def judge(test: Test, results: Results) -> Verdict:
+    """One claim; missing or thin data give ``not measured`` with the reason."""
+    try:
+        return test(results)
+    except NotMeasured as reason:
+        return Verdict(NOT_MEASURED, str(reason), reason.n, reason.unit)
+
+
+def needed(results: Results, role: str, evaluation: str) -> list[EpisodeRow]:
+    """The rows of a role, or ``NotMeasured``."""
+    rows = results.rows(role, evaluation)
+    if rows is None:
+        raise NotMeasured(f"missing: {role}, {evaluation}")
+    return rows
+
+
+@dataclass(frozen=True)
+class Count:
+    """Successes of episodes."""
+
+    successes: int
+    episodes: int
+
+    @property
+    def rate(self) -> float:
+        return self.successes / self.episodes
+
+    def __str__(self) -> str:
+        low, high = wilson(self.successes, self.episodes)
+        return f"{percent(self.rate, 1)} [{percent(low, 1)}, {percent(high, 1)}]"
+
+
+def count(rows: Sequence[EpisodeRow], what: str) -> Count:
+    """Counts successes; no episodes at all is ``NotMeasured``."""
+    if not rows:
+        raise NotMeasured(f"missing: no episodes of {what}")
+    return Count(sum(row.success for row in rows), len(rows))
+
+
+def minus(first: Count, second: Count) -> tuple[float, float, float]:
+    """(difference of rates, low, high), Newcombe's 95 % interval."""
+    low, high = difference(first.successes, first.episodes, second.successes, second.episodes)
+    return first.rate - second.rate, low, high
+
+
+def signed(value: float, low: float, high: float) -> str:
+    """'+3.0 % [-1.0 %, +7.0 %]'."""
+    return f"{100 * value:+.1f} % [{100 * low:+.1f} %, {100 * high:+.1f} %]"
+
+
+def must_have_learned(counts: dict[str, Count]) -> None:
+    """``NotMeasured`` unless at least one of these agents clearly does better than chance and luck."""
+    if not any(wilson(c.successes, c.episodes).low > LEARNED for c in counts.values()):
+        shown = ", ".join(f"{name} {c}" for name, c in counts.items())
+        raise NotMeasured(
+            f"the agents turn too few objects to their goals yet for this comparison to mean anything: {shown}",
+            sum(c.episodes for c in counts.values()),
+        )

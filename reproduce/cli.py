@@ -1,0 +1,157 @@
+"""The command ``reproduce``. Everything heavy is imported by the sub-command that needs it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from tyro.conf import Positional, arg
+from tyro.extras import SubcommandApp
+
+app = SubcommandApp()
+
+Scale = Annotated[str, arg(metavar="smoke|small|paper|FILE")]
+Source = Annotated[Literal["pretrained", "scratch"], arg(name="from")]
+DirectoryOrNone = Annotated[Path | None, arg(metavar="DIR")]
+
+
+def _plan(scale: str, source: str, out: Path | None, agents: Path | None):
+    from reproduce.plan import default_out, make_plan
+    from reproduce.scales import load_scale
+
+    loaded = load_scale(scale)
+    return make_plan(loaded, source, default_out(loaded.name, source) if out is None else out, agents)
+
+
+@app.command
+def run(
+    scale: Scale = "small",
+    source: Source = "pretrained",
+    jobs: Annotated[int, arg(metavar="N")] = 2,
+    profile: Annotated[str | None, arg(metavar="DIR")] = None,
+    out: DirectoryOrNone = None,
+    agents: DirectoryOrNone = None,
+) -> int:
+    """Make every table, every figure and the report; what is up to date is left alone.
+
+    A killed run goes on where it was when the same command is given again.
+
+    Args:
+        scale: How much: smoke (minutes), small (the shipped agents), paper (the paper's sizes), or a YAML file.
+        source: pretrained takes the agents as they are and trains nothing; scratch trains them first.
+        jobs: Jobs at a time.
+        profile: Snakemake profile, for Slurm, Kubernetes or other clusters.
+        out: Where results go. Default: results/ for small, results/<scale>/ for others, results/scratch/ for small from
+            scratch.
+        agents: Folder of agent directories. Default: results/agents, or <out>/agents from scratch.
+    """
+    from reproduce.errors import ReproduceError
+    from reproduce.pipeline import run as run_pipeline
+
+    if jobs < 1:
+        raise ReproduceError(f"--jobs {jobs}; allowed are integers >= 1")
+    return run_pipeline(_plan(scale, source, out, agents), jobs, profile)
+
+
+@app.command
+def stage(
+    name: Positional[str],
+    item: Positional[str] = "",
+    scale: Scale = "small",
+    source: Source = "pretrained",
+    out: DirectoryOrNone = None,
+    agents: DirectoryOrNone = None,
+    pipeline: DirectoryOrNone = None,
+) -> int:
+    """Run one stage by hand: objects, grasps, train, evaluate, or a table, figure, claims, report.
+
+    Args:
+        name: Stage: objects, grasps, train, evaluate, table1, table2, object_sets, learning, violin, success, complex,
+            extent, confusion, claims, report.
+        item: Which job of the stage, for example oracle-vec_bps-geometric8-s0/nominal; all of them by default.
+        scale: As in run.
+        source: As in run.
+        out: As in run.
+        agents: As in run.
+        pipeline: Folder of job files as they are (the workflow's own calls); scale, from, out and agents are not read.
+    """
+    from reproduce.stages import items_of, run_stage
+
+    folder = pipeline
+    if folder is None:
+        from reproduce.prepare import prepare
+
+        plan = _plan(scale, source, out, agents)
+        prepare(plan)
+        folder = plan.pipeline
+    for one in [item] if item else items_of(folder, name):
+        run_stage(folder, name, one, echo=pipeline is None)
+    return 0
+
+
+@app.command
+def train(config: Positional[Path], out: Annotated[Path, arg(metavar="DIR")]) -> int:
+    """Train one agent as a run configuration (YAML) says, or go on with a run that was stopped.
+
+    Args:
+        config: The run's settings; the config.yaml of any run directory will do.
+        out: The run directory. With the same configuration a stopped run is continued.
+    """
+    from reproduce.stages.train import train_file
+
+    train_file(config, out)
+    return 0
+
+
+@app.command
+def evaluate(
+    agent: Annotated[Path, arg(metavar="DIR")],
+    out: Annotated[Path, arg(metavar="FILE")],
+    objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "paper",
+    episodes_per_goal: Annotated[int, arg(metavar="K")] = 1,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+    given: str = "true",
+    scaling: Literal["nominal", "random"] = "nominal",
+    sizes: int = 1,
+    num_envs: int = 16,
+    num_workers: int = 1,
+) -> int:
+    """Evaluate an agent on the 24 octahedral goals; one row an episode goes to FILE (CSV).
+
+    The last line on stdout is one JSON object with success_rate and episodes.
+
+    Args:
+        agent: The agent's directory.
+        out: The episode file to write.
+        objects: Object sets, names or ids, separated by commas.
+        episodes_per_goal: Repeats of each of the 24 goals on each object.
+        seed: Of the evaluation; its streams are apart from training's.
+        given: The mesh the agent is told of: true, nominal, each, or an object's name.
+        scaling: Nominal sizes, or random extents.
+        sizes: Random sizes an object.
+        num_envs: Environments stepped together.
+        num_workers: Processes that simulate.
+    """
+    from reproduce.stages.evaluate import evaluate_to
+
+    summary = evaluate_to(
+        agent, out, objects=objects, episodes_per_goal=episodes_per_goal, seed=seed, given=given, scaling=scaling,
+        sizes=sizes, num_envs=num_envs, num_workers=num_workers,
+    )  # fmt: skip
+    print(json.dumps(summary), flush=True)
+    return 0
+
+
+def main(args: list[str] | None = None) -> int:
+    """Entry point; returns the exit status. Errors of the project end with one line, not with a traceback."""
+    try:
+        return app.cli(args=args, prog="reproduce", description=__doc__.splitlines()[0], config=(tyro.conf.FlagCreatePairsOff,)) or 0
+    except ValueError as error:
+        print(f"reproduce: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("reproduce: interrupted", file=sys.stderr)
+        return 130

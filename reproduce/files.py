@@ -1,0 +1,72 @@
+"""Small file habits shared by all stages: atomic writes, writes only on change, YAML and JSON lines, checked."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from reproduce.errors import ReproduceError
+
+ROOT = Path(__file__).resolve().parent.parent  # the repository: where results/ and the shipped agents are
+
+
+def write_atomic(path: str | os.PathLike, content: str | bytes) -> Path:
+    """Writes a file in one move: whoever sees the name sees the whole content. Parents are made."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    scratch = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        scratch.write_bytes(content.encode() if isinstance(content, str) else content)
+        os.replace(scratch, path)
+    finally:
+        scratch.unlink(missing_ok=True)
+    return path
+
+
+def write_if_changed(path: str | os.PathLike, content: str) -> bool:
+    """Writes only where the content differs, so that an unchanged file keeps its time stamp. True if written."""
+    path = Path(path)
+    if path.is_file() and path.read_text(encoding="utf-8") == content:
+        return False
+    write_atomic(path, content)
+    return True
+
+
+def read_yaml(path: str | os.PathLike) -> Any:
+    """A YAML file's content; ``ReproduceError`` names the file and line where it is malformed or missing."""
+    import yaml
+
+    try:
+        return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ReproduceError(f"{path}: no such file") from None
+    except yaml.YAMLError as error:
+        raise ReproduceError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
+
+
+def dump_yaml(value: Any) -> str:
+    """YAML text with keys in the order given."""
+    import yaml
+
+    return yaml.safe_dump(value, sort_keys=False, allow_unicode=True, width=120)
+
+
+def read_json(path: str | os.PathLike) -> Any:
+    """A JSON file's content; ``ReproduceError`` names the file where it is malformed or missing."""
+    try:
+        return json.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ReproduceError(f"{path}: no such file") from None
+    except json.JSONDecodeError as error:
+        raise ReproduceError(f"{path}: not valid JSON: {error}") from None
+
+
+def shown(path: str | os.PathLike) -> str:
+    """The path below the repository where it is below it, else as it is: what files and reports may mention."""
+    path = Path(path)
+    try:
+        return path.resolve().relative_to(ROOT).as_posix()
+    except ValueError:
+        return path.as_posix()

@@ -1,0 +1,59 @@
+"""How far a stage is: a small JSON file it rewrites now and then, which whoever watches reads."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+from reproduce.files import write_atomic
+
+
+class Heartbeat:
+    """Callable ``(done, total)``; writes at most twice a second, to ``<pipeline>/progress/<stage>[/<item>].json``.
+
+    By hand (``echo``) it prints plain lines instead, at most one in ten seconds.
+    """
+
+    def __init__(self, pipeline: Path, job: str, echo: bool = False) -> None:
+        self.path = file_of(pipeline, job)
+        self.job, self.echo = job, echo
+        self._started = self._last = time.monotonic()
+        self._write("running", 0, 1)
+
+    def __call__(self, done: int, total: int) -> None:
+        now = time.monotonic()
+        if now - self._last < (10.0 if self.echo else 0.5) and done < total:
+            return
+        self._last = now
+        self._write("running", done, total)
+        if self.echo and done:
+            left = (now - self._started) / done * (total - done)
+            print(f"{self.job}: {done} of {total}, {duration(left)} left", flush=True)
+
+    def end(self, state: str, message: str = "") -> None:
+        """``done`` or ``failed``."""
+        self._write(state, 1, 1, message)
+
+    def _write(self, state: str, done: int, total: int, message: str = "") -> None:
+        write_atomic(self.path, json.dumps({"state": state, "done": done, "total": max(total, 1), "message": message}))
+
+
+def file_of(pipeline: Path, job: str) -> Path:
+    return pipeline / "progress" / f"{job}.json"
+
+
+def read(pipeline: Path, job: str) -> dict | None:
+    """A job's last heartbeat, None if it never beat."""
+    try:
+        return json.loads(file_of(pipeline, job).read_text(encoding="utf-8"))
+    except (FileNotFoundError, json.JSONDecodeError):
+        return None
+
+
+def duration(seconds: float) -> str:
+    """95 -> '1:35', 4000 -> '1 h 07'."""
+    seconds = int(round(seconds))
+    if seconds < 3600:
+        return f"{seconds // 60}:{seconds % 60:02d}"
+    return f"{seconds // 3600} h {seconds % 3600 // 60:02d}"

@@ -1,0 +1,177 @@
+"""Which files an artefact reads (written by ``prepare``), and the reader the artefact uses.
+
+An artefact sees episode files, metrics and agent manifests through ``Results`` only. What isn't there is None, so that it
+is drawn as missing and never as a number.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from reproduce.errors import ReproduceError
+from reproduce.files import read_json, read_yaml
+from reproduce.plan import Plan
+from tactile_kit.evaluation.rows import EpisodeRow, read_rows
+
+TRANSFER = "transfer"  # episodes of the same agent in another simulator; the pipeline makes none yet
+
+ORACLE, TACTILE = "oracle-vec_bps-geometric8", "tactile-vec_bps-geometric8"
+BENCHMARK = (ORACLE, "oracle-pos-geometric8", TACTILE, "tactile-pos-geometric8")
+ABLATED = {  # Table II's rows
+    "no_sigma": "tactile-vec_bps_nosigma-geometric8",
+    "stop_gradient": "tactile-vec_bps_stopgrad-geometric8",
+    "no_shape": "tactile-none-geometric8",
+    "distances_only": "tactile-bps-geometric8",
+}
+_SETS = ("cube", "cuboids", "geometric8")
+_LINES = ("vec_bps", "bps", "pointnet", "pos_rot", "pos", "none")
+CURVES = {objects: (*_LINES, "mesh") if objects == "geometric8" else _LINES for objects in _SETS}  # Fig. 5's lines
+_CURVE_ROLES = tuple(f"oracle-{line}-{objects}" for objects in _SETS for line in CURVES[objects])
+
+_NOMINAL = {
+    "table1": [(role, "nominal") for role in BENCHMARK],
+    "table2": [(role, "nominal") for role in (TACTILE, *ABLATED.values())],
+    "violin": [(role, "nominal") for role in (ORACLE, TACTILE)],
+    "success": [(TACTILE, "nominal"), (TACTILE, TRANSFER)],
+    "complex": [(role, "complex") for role in (ORACLE, TACTILE)],
+    "extent": [(TACTILE, "extent-true"), (TACTILE, "extent-fixed")],
+    "confusion": [(TACTILE, "confusion")],
+}
+_ALL = list(dict.fromkeys(pair for pairs in _NOMINAL.values() for pair in pairs))
+# artefact -> (role, evaluation) pairs it reads; roles whose learning curves it reads
+NEEDS: dict[str, tuple[list[tuple[str, str]], tuple[str, ...]]] = {
+    **{name: (pairs, ()) for name, pairs in _NOMINAL.items()},
+    "object_sets": ([], ()),
+    "learning": ([], _CURVE_ROLES),
+    "claims": (_ALL, _CURVE_ROLES),
+    "report": (_ALL, _CURVE_ROLES),
+}
+
+
+def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
+    """The files ``artefact`` reads, as plain data: paths, and None where a file isn't there and won't be made."""
+    pairs, curves = NEEDS[artefact]
+    roles = {role for role, _ in pairs} | set(curves)
+    episodes: dict[str, str | None] = {}
+    for evaluation in plan.evaluations:
+        if (evaluation.run.role, evaluation.group.name) in pairs:
+            episodes[evaluation.name] = str(evaluation.file) if plan.available(evaluation.run) else None
+    for run in plan.runs:
+        file = plan.out / "episodes" / run.name / f"{TRANSFER}.csv"
+        if (run.role, TRANSFER) in pairs and file.is_file():
+            episodes[f"{run.name}/{TRANSFER}"] = str(file)
+    return {
+        "artefact": artefact,
+        "scale": plan.scale.name,
+        "description": plan.scale.description,
+        "source": plan.source,
+        "seed": plan.scale.seed,
+        "runs": {
+            run.name: {
+                "role": run.role,
+                "agent": str(run.directory / "agent.json") if plan.available(run) else None,
+                "metrics": str(run.directory / "metrics.jsonl") if run.role in curves and plan.has_curve(run) else None,
+            }
+            for run in plan.runs
+            if run.role in roles
+        },
+        "episodes": episodes,
+    }
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A run's training metrics: environment steps (N,) and success rates (N,), as logged."""
+
+    run: str
+    steps: tuple[int, ...]
+    success: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Results:
+    """What an artefact can see."""
+
+    content: dict[str, Any]
+
+    @classmethod
+    def load(cls, path: Path) -> Results:
+        return cls(read_yaml(path))
+
+    @property
+    def scale(self) -> str:
+        return self.content["scale"]
+
+    @property
+    def seed(self) -> int:
+        return self.content["seed"]
+
+    def run_names(self, role: str) -> list[str]:
+        """Runs of that role, whether they are there or not."""
+        return [name for name, run in self.content["runs"].items() if run["role"] == role]
+
+    def rows(self, role: str, evaluation: str) -> list[EpisodeRow] | None:
+        """Episodes of all seeds of a role, None where no run of it was evaluated."""
+        files = [self.content["episodes"].get(f"{name}/{evaluation}") for name in self.run_names(role)]
+        rows = [row for file in files if file is not None for row in self._read(file)]
+        return rows or None
+
+    def evaluated(self, role: str, evaluation: str) -> list[str]:
+        """The runs of a role behind ``rows``."""
+        return [n for n in self.run_names(role) if self.content["episodes"].get(f"{n}/{evaluation}") is not None]
+
+    @cached_property
+    def _episode_files(self) -> dict[str, list[EpisodeRow]]:
+        return {}
+
+    def _read(self, file: str) -> list[EpisodeRow]:
+        if file not in self._episode_files:
+            self._episode_files[file] = read_rows(file)
+        return self._episode_files[file]
+
+    def manifest(self, name: str) -> dict[str, Any] | None:
+        """A run's agent.json, None where the run isn't there."""
+        file = self.content["runs"][name]["agent"]
+        return None if file is None else read_json(file)
+
+    def steps_trained(self, names: Sequence[str]) -> list[int]:
+        """Environment steps each of these runs was trained for."""
+        manifests = [self.manifest(name) for name in names]
+        return [int(manifest["steps"]) for manifest in manifests if manifest is not None]
+
+    def curves(self, role: str) -> list[Curve]:
+        """Learning curves of the runs of that role that are there."""
+        files = {name: self.content["runs"][name]["metrics"] for name in self.run_names(role)}
+        return [read_curve(name, Path(file)) for name, file in files.items() if file is not None]
+
+
+def read_curve(run: str, path: Path) -> Curve:
+    """The training lines of a metrics.jsonl (those of held-out evaluations are another matter and left out).
+
+    Raises ``ReproduceError`` naming file, line and value.
+    """
+    steps, success = [], []
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError:
+        raise ReproduceError(f"{path}: no such metrics file") from None
+    for number, line in enumerate(lines, start=1):
+        try:
+            entry = json.loads(line)
+        except json.JSONDecodeError as error:
+            raise ReproduceError(f"{path}, line {number}: not valid JSON: {error}") from None
+        if entry.get("evaluation") or entry.get("success") is None:
+            continue
+        step, rate = entry.get("step"), entry["success"]
+        if not isinstance(step, int) or step < 0 or (steps and step < steps[-1]):
+            raise ReproduceError(f"{path}, line {number}: step = {step!r}; allowed are integers that never fall")
+        if not isinstance(rate, (int, float)) or not 0 <= rate <= 1:
+            raise ReproduceError(f"{path}, line {number}: success = {rate!r}; allowed are numbers in [0, 1]")
+        steps.append(step)
+        success.append(float(rate))
+    return Curve(run, tuple(steps), tuple(success))

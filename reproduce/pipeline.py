@@ -1,0 +1,152 @@
+"""Drives Snakemake: what is to be done, the doing, progress, and the ends a run can come to."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from reproduce import heartbeat, owner
+from reproduce.errors import ReproduceError
+from reproduce.files import ROOT, shown
+from reproduce.heartbeat import duration
+from reproduce.plan import Plan
+from reproduce.prepare import describe, prepare
+from reproduce.progress import Progress
+
+_STAGE = re.compile(r"-m reproduce stage (\S+)(?: (\S+))? --pipeline")
+_SECONDS = {"objects": 2.0, "grasps": 60.0}  # rough cost of jobs, for the time left only
+_EPISODE, _STEP, _ARTEFACT = 0.15, 0.004, 3.0
+
+
+def run(plan: Plan, jobs: int, profile: str | None = None, quiet: bool = False) -> int:
+    """Makes everything of ``plan`` that isn't up to date; returns an exit status.
+
+    Args:
+        jobs: how many jobs at a time (cores here, jobs in the cluster's queue with a profile).
+        profile: a Snakemake profile folder, handed through: the same jobs on a cluster.
+    """
+    print(describe(plan), flush=True)
+    began = time.monotonic()
+    with owner.hold(plan.pipeline) as lock:
+        config = prepare(plan)
+        command = _command(plan, config, jobs, profile)
+        wanted = _wanted(command, plan, config)
+        if not wanted:
+            print(f"nothing to do: everything in {shown(plan.out)} is up to date", flush=True)
+            return 0
+        print(f"{len(wanted)} jobs to do, {jobs} at a time; logs in {shown(plan.pipeline / 'logs')}", flush=True)
+        log = plan.pipeline / "snakemake.log"
+        with log.open("w", encoding="utf-8") as output, Progress(plan.pipeline, wanted) as progress:
+            status = _execute(command, plan, lock, output, progress, local=profile is None)
+    if status != 0:
+        _tell_failure(plan, wanted, log)
+        return status
+    print(f"done in {duration(time.monotonic() - began)}; open {shown(plan.outputs('report')[0])}", flush=True)
+    return 0
+
+
+def _command(plan: Plan, config: Path, jobs: int, profile: str | None) -> list[str]:
+    command = [
+        sys.executable, "-m", "snakemake",
+        "--snakefile", str(ROOT / "reproduce" / "Snakefile"),
+        "--directory", str(plan.pipeline),
+        "--configfile", str(config),
+        "--rerun-incomplete",  # what a killed job was writing is made again
+        "--keep-going",
+        "--nolock",  # the folder is held by our own lock, which dies with its holder
+        "--printshellcmds",
+        "--latency-wait", "30" if profile else "2",
+        "--jobs" if profile else "--cores", str(jobs),
+    ]  # fmt: skip
+    return [*command, "--profile", str(Path(profile).resolve())] if profile else command
+
+
+def _environment(local: bool) -> dict[str, str]:
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))}
+    # One thread a process: jobs run side by side, and results must not depend on the number of cores.
+    environment |= {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1", "NO_COLOR": "1"}
+    return environment | (owner.owner_environment() if local else {})
+
+
+def _wanted(command: list[str], plan: Plan, config: Path) -> dict[str, float]:
+    """The jobs Snakemake would run, with a rough cost each. Our own commands are what it prints."""
+    dry = subprocess.run([*command, "--dry-run"], capture_output=True, text=True, env=_environment(False), check=False)
+    if dry.returncode != 0:
+        raise ReproduceError(f"the workflow can't be planned: {(dry.stderr or dry.stdout).strip()[-2000:]}")
+    content = json.loads(config.read_text(encoding="utf-8"))
+    jobs = {}
+    for stage, item in _STAGE.findall(dry.stdout + dry.stderr):
+        jobs[f"{stage}/{item}" if item else stage] = _cost(stage, item, content)
+    return jobs
+
+
+def _cost(stage: str, item: str, content: dict) -> float:
+    if stage == "evaluate":
+        return 5.0 + _EPISODE * content["evaluate"][item]["episodes"]
+    if stage == "train":
+        return 10.0 + _STEP * content["train"][item]["steps"]
+    return _SECONDS.get(stage, _ARTEFACT)
+
+
+def _execute(command: list[str], plan: Plan, lock: int, output, progress: Progress, local: bool) -> int:
+    process = subprocess.Popen(
+        command, stdout=output, stderr=subprocess.STDOUT, env=_environment(local), start_new_session=True,
+        pass_fds=(lock,), preexec_fn=_die_with_parent,
+    )  # fmt: skip
+    with _forwarded(process):
+        while process.poll() is None:
+            progress.update()
+            time.sleep(0.5)
+    return process.returncode
+
+
+def _die_with_parent() -> None:
+    """Linux: the child is killed when this process is, however that happens. Elsewhere the stages still end by themselves."""
+    with contextlib.suppress(OSError, AttributeError):
+        import ctypes
+
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+
+
+@contextlib.contextmanager
+def _forwarded(process: subprocess.Popen) -> Iterator[None]:
+    """An interrupt or a termination ends all jobs; finished ones are kept and not made again."""
+
+    def stop(number: int, _: object) -> None:
+        for sign in (signal.SIGTERM, signal.SIGKILL):
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, sign)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(5)
+                break
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)  # stages that would not listen
+        print("stopped; run the same command again to go on from here", flush=True)
+        raise SystemExit(128 + number)
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _tell_failure(plan: Plan, jobs: dict[str, float], log: Path) -> None:
+    failed = [job for job in jobs if (heartbeat.read(plan.pipeline, job) or {}).get("state") == "failed"]
+    for job in failed:
+        file = plan.pipeline / "logs" / f"{job}.log"
+        tail = file.read_text(encoding="utf-8", errors="replace").splitlines()[-15:] if file.is_file() else []
+        print(f"\n{job} failed; the end of {shown(file)}:", *tail, sep="\n  ", file=sys.stderr)
+    if not failed:
+        tail = log.read_text(encoding="utf-8", errors="replace").splitlines()[-20:]
+        print(f"\nthe workflow failed; the end of {shown(log)}:", *tail, sep="\n  ", file=sys.stderr)
+    print("\nmend the cause and run the same command again: what is finished is kept", file=sys.stderr, flush=True)

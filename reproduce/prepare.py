@@ -1,0 +1,99 @@
+"""A plan written down as small YAML files, one a job. Each file is an input of its job, so that a changed setting re-runs
+exactly its dependants.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from reproduce.files import ROOT, dump_yaml, shown, write_if_changed
+from reproduce.inventory import NEEDS, TRANSFER, inventory
+from reproduce.plan import ARTEFACTS, Evaluation, Plan
+from reproduce.settings import evaluation_settings, grasp_item, run_settings
+
+OBJECTS = {"paper": 13, "all": 16, "geometric8": 8, "ood": 5, "complex": 3}  # sizes of the named sets
+
+
+def weight(evaluation: Evaluation) -> int:
+    """Episodes of an evaluation (for progress and order; the exact number is known once objects are loaded)."""
+    group = evaluation.group
+    objects = sum(OBJECTS.get(part, 1) for part in group.objects.split(","))
+    meshes = objects if group.given == "each" else 1
+    return objects * meshes * group.sizes * group.goals_per_case * group.episodes_per_goal
+
+
+def prepare(plan: Plan) -> Path:
+    """Writes the job files below ``<out>/.pipeline`` (only those that changed); returns the workflow's config file."""
+    jobs = plan.pipeline / "jobs"
+    evaluations = [evaluation for evaluation in plan.evaluations if plan.available(evaluation.run)]
+    grasps: dict[str, Any] = {}
+    train: dict[str, Any] = {}
+    evaluate: dict[str, Any] = {}
+    for job, runs in (plan.jobs() if plan.trains else {}).items():
+        settings = [{"run": run.name, "directory": str(run.directory), "config": run_settings(plan, run)} for run in runs]
+        write_if_changed(jobs / "train" / f"{job}.yaml", dump_yaml(settings))
+        banks = dict(grasp_item(entry["config"]) for entry in settings)
+        grasps |= banks
+        after = {warm for run in runs if run.warm_start for warm in [plan.job_of(run.warm_start)]} - {job}
+        steps = sum(int(entry["config"].get("steps", 0)) for entry in settings)
+        train[job] = {
+            "after": sorted(after),
+            "grasps": sorted(banks),
+            "threads": max(int(entry["config"].get("num_workers", 1)) for entry in settings),
+            "priority": 50 + min(steps, 10**9) / 1e9 if not after else 40,  # what others wait for goes first
+            "steps": steps,
+        }
+    for evaluation in evaluations:
+        settings = evaluation_settings(plan, evaluation)
+        write_if_changed(jobs / "evaluate" / f"{evaluation.name}.yaml", dump_yaml(settings))
+        agent = plan.pipeline / "trained" / f"{evaluation.run.job}.json" if plan.trains else plan.manifest(evaluation.run)
+        evaluate[evaluation.name] = {
+            "agent": str(agent.relative_to(plan.pipeline)) if plan.trains else str(agent),
+            "grasps": [],
+            "episodes": weight(evaluation),
+            "threads": plan.scale.num_workers,
+        }
+    for item, settings in grasps.items():
+        write_if_changed(jobs / "grasps" / f"{item}.yaml", dump_yaml(settings))
+    write_if_changed(jobs / "objects.yaml", dump_yaml({"objects": "all"}))
+    needs = {}
+    for artefact in NEEDS:
+        content = inventory(plan, artefact)
+        write_if_changed(jobs / "artefacts" / f"{artefact}.yaml", dump_yaml(content))
+        needs[artefact] = _needs(plan, content)
+    content = {
+        "out": str(plan.out),
+        "pipeline": str(plan.pipeline),
+        "source": str(ROOT / "reproduce"),
+        "train": train,
+        "evaluate": evaluate,
+        "needs": needs,
+        "artefacts": {name: list(map(str, plan.outputs(name))) for name in ARTEFACTS},
+    }
+    config = plan.pipeline / "plan.json"
+    write_if_changed(config, json.dumps(content, indent=1) + "\n")
+    return config
+
+
+def _needs(plan: Plan, content: dict[str, Any]) -> dict[str, list[str]]:
+    """What the workflow has to wait for before the artefact: episodes made here, transferred ones, runs."""
+    made = [name for name, file in content["episodes"].items() if file and not name.endswith(f"/{TRANSFER}")]
+    found = [name for name, file in content["episodes"].items() if file and name.endswith(f"/{TRANSFER}")]
+    runs = set()
+    for name, run in content["runs"].items():
+        files = [run["agent"], run["metrics"]]
+        if plan.trains:
+            runs |= {f"trained/{plan.job_of(name)}.json"} if any(files) else set()
+        else:
+            runs |= {file for file in files if file}
+    return {"episodes": made, "transfer": found, "runs": sorted(runs)}
+
+
+def describe(plan: Plan) -> str:
+    """One line for the terminal."""
+    there = sum(plan.available(run) for run in plan.runs)
+    agents = f"{len(plan.runs)} runs to train" if plan.trains else f"{there} of {len(plan.runs)} agents there"
+    episodes = sum(weight(e) for e in plan.evaluations if plan.available(e.run))
+    return f"scale {plan.scale.name} from {plan.source}: {agents}, {episodes} evaluation episodes, into {shown(plan.out)}"

@@ -1,0 +1,77 @@
+"""Progress of a whole run with the time left: a live display in a terminal, plain lines otherwise."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+from reproduce import heartbeat
+from reproduce.heartbeat import duration
+
+PLAIN_EVERY = 20.0  # s between plain lines
+
+
+class Progress:
+    """Follows the heartbeats of the jobs that are to be run.
+
+    ``jobs`` maps a job's name to its expected cost in core-seconds; only the proportions matter, since the time left is
+    reckoned from what the finished share has taken.
+    """
+
+    def __init__(self, pipeline: Path, jobs: dict[str, float]) -> None:
+        self.pipeline, self.jobs = pipeline, jobs
+        self._started = self._last = time.monotonic()
+        self._ended: set[str] = set()
+        self._bar = None
+        for job in jobs:  # what an earlier run left behind must not count
+            heartbeat.file_of(pipeline, job).unlink(missing_ok=True)
+
+    def __enter__(self) -> Progress:
+        if sys.stdout.isatty():
+            from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+            from rich.progress import Progress as Bar
+
+            columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
+                       TimeElapsedColumn(), TextColumn("{task.fields[left]} left"))
+            self._bar = Bar(*columns, refresh_per_second=4)
+            self._bar.start()
+            self._task = self._bar.add_task("starting", total=1.0, left="?")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.update(final=True)
+        if self._bar is not None:
+            self._bar.stop()
+
+    def update(self, final: bool = False) -> None:
+        """Reads the heartbeats and shows how things stand."""
+        share = 0.0
+        running = []
+        total = sum(self.jobs.values()) or 1.0
+        for job, cost in self.jobs.items():
+            beat = heartbeat.read(self.pipeline, job)
+            if beat is None:
+                continue
+            part = 1.0 if beat["state"] == "done" else min(1.0, beat["done"] / beat["total"])
+            share += cost * part / total
+            if beat["state"] == "running":
+                running.append(f"{job} {100 * part:.0f} %")
+            elif job not in self._ended:
+                self._ended.add(job)
+                self._say(f"{job}: {beat['state']}" + (f": {beat['message']}" if beat["message"] else ""))
+        elapsed = time.monotonic() - self._started
+        left = duration(elapsed * (1 - share) / share) if share > 0.02 else "?"
+        now = ", ".join(running[:3]) + (" ..." if len(running) > 3 else "")
+        if self._bar is not None:
+            text = f"{len(self._ended)} of {len(self.jobs)} jobs; {now or 'waiting'}"
+            self._bar.update(self._task, completed=share, left=left, description=text)
+        elif not final and time.monotonic() - self._last > PLAIN_EVERY:
+            self._last = time.monotonic()
+            self._say(f"{100 * share:.0f} %, {duration(elapsed)} gone, {left} left; running: {now or 'nothing yet'}")
+
+    def _say(self, text: str) -> None:
+        if self._bar is not None:
+            self._bar.console.print(text, highlight=False, markup=False)
+        else:
+            print(f"[{len(self._ended)}/{len(self.jobs)}] {text}", flush=True)

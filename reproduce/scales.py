@@ -1,0 +1,107 @@
+"""A scale as data: which runs to train and how, and how much to evaluate. ``reproduce/scales/<name>.yaml``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveInt, ValidationError
+
+from reproduce.errors import ScaleError, nearest
+from reproduce.files import read_yaml
+
+FOLDER = Path(__file__).parent / "scales"
+
+SETS: dict[str, dict[str, str]] = {  # what an object set of a run name means (paper, Fig. 4)
+    "cube": {"objects": "cube", "scaling": "nominal"},
+    "cuboids": {"objects": "cube", "scaling": "random"},
+    "geometric8": {"objects": "geometric8", "scaling": "random"},
+}
+ENCODINGS = ("vec_bps", "bps", "pointnet", "pos_rot", "mesh", "pos", "none")
+ABLATIONS = ("nosigma", "stopgrad")  # Table II: no sigma input to the policy; no gradient through the BPS
+VARIANTS = (*ENCODINGS, *(f"vec_bps_{ablation}" for ablation in ABLATIONS))
+
+
+class Part(BaseModel):
+    """Frozen; unknown keys are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class RunGroup(Part):
+    """A grid of runs that share a preset. A run's name is ``<kind>-<variant>-<set>-s<seed>``."""
+
+    kind: Literal["oracle", "tactile"]
+    variants: tuple[Literal[VARIANTS], ...] = Field(min_length=1)
+    sets: tuple[Literal[tuple(SETS)], ...] = Field(min_length=1)
+    seeds: tuple[NonNegativeInt, ...] = Field((0,), min_length=1)
+    preset: str = Field(description="Key in `presets`.")
+    warm_start: str | None = Field(None, description="Run to start from; {set} and {seed} are filled in.")
+    together: bool = Field(False, description="Train all runs of the group one after another in one process.")
+
+
+class EvaluationGroup(Part):
+    """One evaluation of several runs, at the sizes of this scale."""
+
+    name: Literal["nominal", "complex", "extent-true", "extent-fixed", "confusion"]
+    runs: tuple[str, ...] = Field(min_length=1, description="Run names without the seed; all its seeds are evaluated.")
+    objects: str
+    scaling: Literal["nominal", "random"] = "nominal"
+    sizes: PositiveInt = Field(1, description="Prepared sizes an object; the paper's environments where random.")
+    given: Literal["true", "nominal", "each"] = Field("true", description="The mesh the agent is told of.")
+    episodes_per_goal: PositiveInt = 1
+    goals_per_case: int = Field(24, ge=1, le=24, description="Goals of the 24 drawn for each object, size and mesh.")
+
+
+class Scale(Part):
+    """One scale of the whole pipeline."""
+
+    name: str
+    description: str
+    seed: NonNegativeInt = 0
+    num_envs: PositiveInt = Field(16, description="Environments stepped together in an evaluation.")
+    num_workers: PositiveInt = 1
+    presets: dict[str, dict[str, Any]] = Field(description="Run settings by name; see `RunConfig`.")
+    runs: tuple[RunGroup, ...]
+    evaluations: tuple[EvaluationGroup, ...]
+
+
+def load_scale(name_or_path: str) -> Scale:
+    """The scale of that name (``smoke``, ``small``, ``paper``) or of that YAML file.
+
+    Raises ``ScaleError`` naming file, key, value and what is allowed.
+    """
+    path = Path(name_or_path)
+    if path.suffix not in (".yaml", ".yml"):
+        known = sorted(file.stem for file in FOLDER.glob("*.yaml"))
+        if name_or_path not in known:
+            raise ScaleError(f"scale {name_or_path!r} unknown{nearest(name_or_path, known)}")
+        path = FOLDER / f"{name_or_path}.yaml"
+    return parse_scale(read_yaml(path), str(path))
+
+
+def parse_scale(content: Any, source: str) -> Scale:
+    """A scale from parsed YAML; ``source`` is the file named in errors."""
+    if not isinstance(content, dict):
+        raise ScaleError(f"{source}: {type(content).__name__}; allowed is a mapping with {', '.join(Scale.model_fields)}")
+    try:
+        scale = Scale.model_validate(content)
+    except ValidationError as error:
+        raise ScaleError(f"{source}: {_explain(error)}") from None
+    for group in scale.runs:
+        if group.preset not in scale.presets:
+            raise ScaleError(f"{source}: runs: preset {group.preset!r} unknown{nearest(group.preset, scale.presets)}")
+    return scale
+
+
+def _explain(error: ValidationError) -> str:
+    lines = []
+    for problem in error.errors():
+        place = ".".join(map(str, problem["loc"]))
+        if problem["type"] == "extra_forbidden":
+            key = str(problem["loc"][-1])
+            model = {"runs": RunGroup, "evaluations": EvaluationGroup}.get(str(problem["loc"][0]), Scale)
+            lines.append(f"{place}: unknown key{nearest(key, model.model_fields)}")
+        else:
+            lines.append(f"{place} = {problem.get('input')!r}: {problem['msg']}")
+    return "; ".join(lines)

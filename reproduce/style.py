@@ -1,0 +1,100 @@
+"""How all figures look and how they are saved: same data, same bytes. matplotlib is imported on use."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from reproduce.files import write_atomic
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+ORACLE, TACTILE, GREY, PAPER = "#3b6fb6", "#e07b39", "#8a8f98", "#111111"
+LINES = {  # encodings of the learning curves: colour and label
+    "vec_bps": ("#c0392b", "VecBPS"),
+    "bps": ("#e07b39", "BPS"),
+    "pointnet": ("#3b6fb6", "PointNet"),
+    "pos_rot": ("#7d4fa8", "PosRot"),
+    "mesh": ("#1a9988", "Mesh"),
+    "pos": ("#5a9e3d", "Pos"),
+    "none": ("#555b66", "None"),
+}
+_SETTINGS = {
+    "svg.hashsalt": "tactile_kit",  # element ids that don't change from run to run
+    "font.family": "DejaVu Sans",  # comes with matplotlib, so the same everywhere
+    "font.size": 8.5,
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.grid.axis": "y",
+    "axes.axisbelow": True,
+    "grid.color": "#e4e6ea",
+    "legend.frameon": False,
+    "figure.dpi": 100,
+    "savefig.dpi": 160,
+}
+
+
+def figure(width: float, height: float, columns: int = 1, **options: object) -> tuple[Figure, Sequence[Axes]]:
+    """A figure of that size (inch) with a row of axes."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    plt.rcParams.update(matplotlib.rcParamsDefault | {"backend": "Agg"})
+    plt.rcParams.update(_SETTINGS)
+    made, axes = plt.subplots(1, columns, figsize=(width, height), squeeze=False, layout="constrained", **options)
+    return made, list(axes[0])
+
+
+def save(made: Figure, outputs: Sequence[Path]) -> None:
+    """Writes the figure to those of ``outputs`` that are pictures; no dates, versions or random ids in them."""
+    import matplotlib.pyplot as plt
+
+    for path in outputs:
+        if path.suffix not in (".png", ".svg"):
+            continue
+        buffer = io.BytesIO()
+        metadata = {"Date": None, "Creator": None} if path.suffix == ".svg" else {"Software": None}
+        made.savefig(buffer, format=path.suffix[1:], metadata=metadata)
+        write_atomic(path, buffer.getvalue())
+    plt.close(made)
+
+
+def footnote(made: Figure, text: str) -> None:
+    """A line below the axes; constrained layout leaves room for it."""
+    made.supxlabel(text, fontsize=7.5, color="#555b66", x=0.01, ha="left")
+
+
+def say_missing(axes: Axes, text: str) -> None:
+    """Marks empty axes as missing, in words."""
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY, fontsize=10, wrap=True)
+
+
+def missing_bar(axes: Axes, x: float, width: float, text: str = "missing") -> None:
+    """An empty, hatched slot in a bar chart: where a bar would stand had the run been made."""
+    axes.bar(x, 1.0, width, color="none", edgecolor="#d3d6db", hatch="////", linewidth=0.6, zorder=0.5)
+    axes.text(x, 0.5, text, rotation=90, ha="center", va="center", fontsize=7, color=GREY)
+
+
+def steps_text(steps: Sequence[int]) -> str:
+    """Environment steps trained, in words: '35 k steps', '1.2 M steps', or a range."""
+    if not steps:
+        return "steps unknown"
+    low, high = short(min(steps)), short(max(steps))
+    return f"{low} steps" if low == high else f"{low} to {high} steps"
+
+
+def short(number: int) -> str:
+    """12345 -> '12.3 k'."""
+    for size, unit in ((10**9, "G"), (10**6, "M"), (10**3, "k")):
+        if number >= size:
+            return f"{number / size:.3g} {unit}"
+    return str(number)

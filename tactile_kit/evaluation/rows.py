@@ -1,0 +1,224 @@
+"""Episode files: one row an episode, CSV with a header, written atomically and checked on the way in and out.
+
+Every number in a table or figure is computed from such files and from nothing else.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+from tactile_kit.evaluation.errors import EpisodeFileError
+
+SUCCESS_ANGLE = 0.4  # rad; paper, Sec. II-E: a success if theta_T < 0.4 after T = 10 s
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeRow:
+    """One evaluated episode. Angles in rad, extents in m.
+
+    ``given_*`` is the mesh the agent was conditioned on; it is the manipulated object itself unless the evaluation asks
+    for another (paper, Figs. 8 and 9). ``size`` counts the prepared sizes of an object (0 where the size is nominal).
+    ``goal`` is the index in ``rotations.octahedral()``, or -1 for a goal drawn on SO(3). ``theta`` is the angle to the
+    goal at the end (of a dropped object: at the moment of the drop), ``theta_min`` the smallest on the way. Both are
+    None only where the simulation failed (``fault`` says how); such an episode counts as a failure.
+    """
+
+    agent: str
+    kind: str  # oracle | tactile
+    encoding: str
+    training_seed: int
+    object_id: int
+    object: str
+    size: int
+    extent_x: float
+    extent_y: float
+    extent_z: float
+    given_id: int
+    given: str
+    given_extent_x: float
+    given_extent_y: float
+    given_extent_z: float
+    goal: int
+    episode: int
+    seed: int
+    theta: float | None
+    theta_min: float | None
+    success: bool
+    drop: bool
+    fault: str
+    steps: int
+
+    @property
+    def furthest_extent(self) -> float:
+        """The extent (m) furthest away from the median 6.75 cm; the x-axis of the paper's Fig. 8."""
+        return max((self.extent_x, self.extent_y, self.extent_z), key=lambda extent: abs(extent - 0.0675))
+
+
+COLUMNS: tuple[str, ...] = tuple(field.name for field in fields(EpisodeRow))
+
+_PI = math.pi + 1e-4  # float32 rounding of an angle of exactly pi
+
+
+def _number(lowest: float, highest: float, optional: bool = False) -> Callable[[str], float | None]:
+    def parse(text: str) -> float | None:
+        if optional and text == "":
+            return None
+        value = float(text)
+        if not lowest <= value <= highest:  # also false for NaN
+            raise ValueError
+        return value
+
+    parse.allowed = f"a number in [{lowest:g}, {highest:g}]" + (" or empty" if optional else "")
+    return parse
+
+
+def _integer(lowest: int, highest: int | None = None) -> Callable[[str], int]:
+    def parse(text: str) -> int:
+        value = int(text)
+        if value < lowest or (highest is not None and value > highest):
+            raise ValueError
+        return value
+
+    parse.allowed = f"an integer >= {lowest}" + ("" if highest is None else f" and <= {highest}")
+    return parse
+
+
+def _choice(*choices: str) -> Callable[[str], str]:
+    def parse(text: str) -> str:
+        if text not in choices:
+            raise ValueError
+        return text
+
+    parse.allowed = " or ".join(choices)
+    return parse
+
+
+def _text(text: str) -> str:
+    if not text or "\n" in text:
+        raise ValueError
+    return text
+
+
+_text.allowed = "a non-empty line of text"
+
+
+def _any_text(text: str) -> str:
+    if "\n" in text:
+        raise ValueError
+    return text
+
+
+_any_text.allowed = "a line of text or empty"
+
+
+def _flag(text: str) -> bool:
+    return {"0": False, "1": True}[text]
+
+
+_flag.allowed = "0 or 1"
+
+_EXTENT = _number(1e-3, 0.5)
+_PARSERS: dict[str, Callable] = {
+    "agent": _text,
+    "kind": _choice("oracle", "tactile"),
+    "encoding": _text,
+    "training_seed": _integer(0),
+    "object_id": _integer(0),
+    "object": _text,
+    "size": _integer(0),
+    "extent_x": _EXTENT,
+    "extent_y": _EXTENT,
+    "extent_z": _EXTENT,
+    "given_id": _integer(0),
+    "given": _text,
+    "given_extent_x": _EXTENT,
+    "given_extent_y": _EXTENT,
+    "given_extent_z": _EXTENT,
+    "goal": _integer(-1, 23),
+    "episode": _integer(0),
+    "seed": _integer(0, (1 << 63) - 1),
+    "theta": _number(0.0, _PI, optional=True),
+    "theta_min": _number(0.0, _PI, optional=True),
+    "success": _flag,
+    "drop": _flag,
+    "fault": _any_text,
+    "steps": _integer(0),
+}
+
+
+def _format(value: object) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "1" if value else "0"
+    if isinstance(value, float):
+        return format(value, ".7g")  # single precision; the simulator gives no more
+    return str(value)
+
+
+def _parse(cells: list[str], where: str) -> EpisodeRow:
+    if len(cells) != len(COLUMNS):
+        raise EpisodeFileError(f"{where}: {len(cells)} columns; allowed are exactly {len(COLUMNS)}")
+    values = {}
+    for name, text in zip(COLUMNS, cells, strict=True):
+        parser = _PARSERS[name]
+        try:
+            values[name] = parser(text)
+        except (ValueError, KeyError):
+            raise EpisodeFileError(f"{where}: {name} = {text!r}; allowed is {parser.allowed}") from None
+    row = EpisodeRow(**values)
+    if (row.theta is None or row.theta_min is None) and not row.fault:
+        raise EpisodeFileError(f"{where}: theta or theta_min is empty; allowed only where fault says why")
+    if row.success and (row.drop or row.fault or row.theta >= SUCCESS_ANGLE):
+        raise EpisodeFileError(
+            f"{where}: success = 1 with drop = {row.drop:d}, fault = {row.fault!r}, theta = {row.theta};"
+            f" allowed only without drop or fault and with theta < {SUCCESS_ANGLE} rad"
+        )
+    return row
+
+
+def write_rows(path: str | os.PathLike, rows: Iterable[EpisodeRow]) -> Path:
+    """Writes an episode file. The same rows give the same bytes; a half-written file never bears the name.
+
+    Raises ``EpisodeFileError`` for a row that ``read_rows`` would refuse.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    scratch = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with scratch.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(COLUMNS)
+            for number, row in enumerate(rows, start=2):
+                cells = [_format(getattr(row, name)) for name in COLUMNS]
+                _parse(cells, f"{path}, line {number}")
+                writer.writerow(cells)
+        os.replace(scratch, path)
+    finally:
+        scratch.unlink(missing_ok=True)
+    return path
+
+
+def read_rows(path: str | os.PathLike) -> list[EpisodeRow]:
+    """The rows of an episode file, in order.
+
+    Raises ``EpisodeFileError`` naming file, line, column, value and what is allowed; an empty file is an error too.
+    """
+    path = Path(path)
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            reader = csv.reader(file)
+            header = next(reader, None)
+            if header != list(COLUMNS):
+                raise EpisodeFileError(f"{path}, line 1: {header}; allowed is the header {','.join(COLUMNS)}")
+            rows = [_parse(cells, f"{path}, line {reader.line_num}") for cells in reader]
+    except FileNotFoundError:
+        raise EpisodeFileError(f"{path}: no such episode file") from None
+    if not rows:
+        raise EpisodeFileError(f"{path}: no episodes; at least one is needed")
+    return rows
