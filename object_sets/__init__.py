@@ -7,7 +7,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from object_sets.errors import DataError, DecompositionError, MeshError, ObjectSetError, ScaleError, UnknownObjectError
+from object_sets.errors import (
+    DataError,
+    DecompositionError,
+    MeshError,
+    ObjectSetError,
+    ScaleError,
+    UnknownObjectError,
+)
 from object_sets.objects import Object, ObjectSet
 from object_sets.sets import SETS, load, select
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,10 +33,13 @@ def build(
     extent: tuple[float, float] | None = None,
     scales: int = 0,
     seed: int = 0,
-    decomposition: DecompositionConfig | None = None,
+    coacd_threshold: float | None = None,
+    max_parts: int | None = None,
+    hull_vertices: int | None = None,
+    timeout: float = DecompositionConfig.timeout,
     mass: float | None = None,
     density: float | None = None,
-    licence: str | None = None,
+    licence: str = "unknown",
     jobs: int = 1,
     progress: Progress | None = None,
 ) -> Path:
@@ -52,8 +56,9 @@ def build(
         extent: (lowest, highest) side of a bounding box, m. Without ``scales``, a mesh whose largest extent is outside
             is scaled, all axes alike, to the nearer bound. With ``scales``, each axis's extent is drawn uniformly.
         scales: number of prepared sizes an object; needs ``extent``.
-        seed: of the sizes, and of CoACD unless ``decomposition`` is given.
-        decomposition: settings of the convex parts; by default those of each authored shape, or the general ones.
+        seed: of the sizes and of CoACD.
+        coacd_threshold, max_parts, hull_vertices, timeout: settings of the convex parts (``DecompositionConfig``);
+            by default those of each authored shape, or the general ones.
         mass: kg of every object; or ``density``: kg/m^3 of the solid. By default authored masses, else unknown.
         licence: of the meshes, for the manifest.
         jobs: meshes worked on at once.
@@ -64,17 +69,23 @@ def build(
     """
     _check(meshes, set_name, extent, scales, mass, density, jobs)
     out = Path(out)
+    given = {"threshold": coacd_threshold, "max_parts": max_parts, "hull_vertices": hull_vertices}
+    settings: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
+    settings.update(seed=seed, timeout=timeout)
     if set_name is not None:
-        tasks = _authored(set_name, decomposition, seed)
+        tasks = _authored(set_name, settings)
         name = set_name
     else:
         assert meshes is not None
-        tasks = _imported(Path(meshes), decomposition, seed, extent, licence or "unknown")
+        tasks = _imported(Path(meshes), settings, extent, licence)
         name = Path(meshes).resolve().name
     outcomes: list[Outcome] = []
-    with ThreadPoolExecutor(max_workers=jobs) as pool:  # threads: the heavy work is CoACD's, in processes of its own
-        finish = [(label, pool.submit(_outcome, label, task, extent, scales, seed, mass, density))
-                  for label, task in tasks]  # fmt: skip
+    # Threads are enough: the heavy work is CoACD's, in processes of its own.
+    with ThreadPoolExecutor(max_workers=jobs) as pool:
+        finish = [
+            (label, pool.submit(_outcome, label, task, extent, scales, seed, mass, density))
+            for label, task in tasks
+        ]
         for label, future in finish:
             outcomes.append(future.result())
             if progress is not None:
@@ -98,7 +109,7 @@ def build(
 Task = tuple[Callable[[], Candidate], DecompositionConfig]
 
 
-def _authored(set_name: str, config: DecompositionConfig | None, seed: int) -> list[tuple[str, Task]]:
+def _authored(set_name: str, settings: dict[str, Any]) -> list[tuple[str, Task]]:
     from object_sets.csg import to_mesh
     from object_sets.shapes import LICENCE, SHAPES
 
@@ -107,26 +118,26 @@ def _authored(set_name: str, config: DecompositionConfig | None, seed: int) -> l
 
     def task(index: int) -> tuple[str, Task]:
         shape = SHAPES[index]
-        settings = config or DecompositionConfig(
-            max_parts=shape.max_parts, hull_vertices=shape.hull_vertices, seed=seed
-        )
+        own = {"max_parts": shape.max_parts, "hull_vertices": shape.hull_vertices}
+        config = DecompositionConfig(**{**own, **settings})
 
         def make() -> Candidate:
             vertices, faces = to_mesh(shape.make())
             return Candidate(shape.id, shape.name, vertices, faces, shape.source, LICENCE, shape.mass)
 
-        return shape.name, (make, settings)
+        return shape.name, (make, config)
 
     return [task(index) for index in SETS[set_name]]
 
 
 def _imported(
-    folder: Path, config: DecompositionConfig | None, seed: int, extent: tuple[float, float] | None, licence: str
+    folder: Path, settings: dict[str, Any], extent: tuple[float, float] | None, licence: str
 ) -> list[tuple[str, Task]]:
     from object_sets.importing import mesh_files, read_mesh
 
     files = mesh_files(folder)
     names = _names(files)
+    config = DecompositionConfig(**settings)
 
     def task(index: int) -> tuple[str, Task]:
         file = files[index]
@@ -138,7 +149,7 @@ def _imported(
                 source_sha256=mesh.sha256, repairs=mesh.repairs,
             )  # fmt: skip
 
-        return str(file), (make, config or DecompositionConfig(seed=seed))
+        return str(file), (make, config)
 
     return [task(index) for index in range(len(files))]
 
@@ -158,8 +169,8 @@ def _outcome(
     try:
         candidate = make()
         if mass is not None or density is not None:
-            weight = mass if mass is not None else density * mass_properties(candidate.vertices, candidate.faces).volume
-            candidate = replace(candidate, mass=weight)
+            volume = mass_properties(candidate.vertices, candidate.faces).volume
+            candidate = replace(candidate, mass=density * volume if mass is None else mass)
         if extent is not None and scales:
             sides = np.ptp(candidate.vertices, axis=0)
             candidate = replace(candidate, scales=draw_scales(sides, extent, scales, seed, candidate.name))
@@ -175,7 +186,7 @@ def _outcome(
 def draw_scales(
     extents: np.ndarray, extent: tuple[float, float], count: int, seed: int, name: str
 ) -> tuple[tuple[float, float, float], ...]:
-    """Per-axis factors of ``count`` sizes whose extents (m) are uniform in ``extent``, from a stream of the name's own."""
+    """Per-axis factors of ``count`` sizes with extents (m) uniform in ``extent``, from a stream of the name's own."""
     word = int.from_bytes(hashlib.blake2s(name.encode(), digest_size=8).digest(), "little")
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(word,)))
     factors = generator.uniform(*extent, size=(count, 3)) / extents
@@ -208,7 +219,9 @@ def _check(
     if extent is not None and not 0 < extent[0] <= extent[1] < np.inf:
         raise ScaleError(f"extent = {extent!r}: two lengths in m with 0 < lowest <= highest are needed")
     if scales < 0 or (scales and extent is None):
-        raise ScaleError(f"scales = {scales!r} with extent = {extent!r}: a number >= 0, and an extent when > 0")
+        raise ScaleError(
+            f"scales = {scales!r} with extent = {extent!r}: a number >= 0, and an extent when > 0"
+        )
     if mass is not None and density is not None:
         raise ObjectSetError(f"mass = {mass!r}, density = {density!r}: at most one of them is allowed")
     for key, value in (("mass", mass), ("density", density)):

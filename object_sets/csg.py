@@ -8,7 +8,9 @@ import numpy as np
 from manifold3d import CrossSection, Manifold, Mesh64
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
-GRID = 1e-8  # m; vertices are rounded to this, so that the last bits of another processor don't change digests
+GRID = (
+    1e-8  # m; vertices are rounded to this, so that the last bits of another processor don't change digests
+)
 
 
 def to_manifold(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
@@ -60,9 +62,13 @@ def ellipsoid(radii: Sequence[float], center: Sequence[float], segments: int = 2
     return Manifold.sphere(1.0, segments).scale(tuple(radii)).translate(tuple(center))
 
 
-def limb(start: Sequence[float], end: Sequence[float], radii: tuple[float, float], segments: int = 12) -> Manifold:
+def limb(
+    start: Sequence[float], end: Sequence[float], radii: tuple[float, float], segments: int = 12
+) -> Manifold:
     """The convex hull of two spheres (a tapered capsule) from ``start`` to ``end`` (3,) m."""
-    balls = [Manifold.sphere(r, segments).translate(tuple(c)) for r, c in zip(radii, (start, end), strict=True)]
+    balls = [
+        Manifold.sphere(r, segments).translate(tuple(c)) for r, c in zip(radii, (start, end), strict=True)
+    ]
     return Manifold.batch_hull(balls)
 
 
@@ -74,7 +80,9 @@ def union(solids: Iterable[Manifold]) -> Manifold:
     return total
 
 
-def chamfered_prism(profile: Sequence[Sequence[float]] | np.ndarray, height: float, chamfer: float) -> Manifold:
+def chamfered_prism(
+    profile: Sequence[Sequence[float]] | np.ndarray, height: float, chamfer: float
+) -> Manifold:
     """A prism along z whose convex edges are all chamfered, also those of a non-convex profile.
 
     Args:
@@ -89,7 +97,9 @@ def chamfered_prism(profile: Sequence[Sequence[float]] | np.ndarray, height: flo
     normals = np.stack([-forward[:, 1], forward[:, 0]], axis=1)  # inward, of the edge after each corner
     previous = np.roll(normals, 1, axis=0)
     # Mitred inset: the corner moves so that both its edges move inward by the chamfer.
-    inset = points + chamfer * (normals + previous) / (1.0 + np.einsum("ij,ij->i", normals, previous))[:, None]
+    inset = (
+        points + chamfer * (normals + previous) / (1.0 + np.einsum("ij,ij->i", normals, previous))[:, None]
+    )
     z = height / 2.0
     levels = [(inset, -z), (points, chamfer - z), (points, z - chamfer), (inset, z)]
     body = _loft([np.column_stack([ring, np.full(len(points), level)]) for ring, level in levels])
@@ -103,7 +113,7 @@ def chamfered_prism(profile: Sequence[Sequence[float]] | np.ndarray, height: flo
 
 
 def chamfered_polyhedron(points: np.ndarray, chamfer: float) -> Manifold:
-    """The convex hull of corners (n, 3) m around the origin, every edge chamfered by ``chamfer`` m on both its faces."""
+    """The convex hull of corners (n, 3) m around the origin, its edges chamfered by ``chamfer`` m on both faces."""
     points = np.asarray(points, dtype=np.float64)
     planes = np.unique(np.round(ConvexHull(points).equations, 9), axis=0)
     on = np.abs(points @ planes[:, :3].T + planes[:, 3]) < 1e-7  # (n, planes)
@@ -114,7 +124,9 @@ def chamfered_polyhedron(points: np.ndarray, chamfer: float) -> Manifold:
             if len(edge) >= 2:
                 normals = planes[[first, second], :3]
                 bisector = _unit(normals.sum(axis=0))
-                inward = _unit(normals[1] - normals[0] * (normals[0] @ normals[1]))  # in the first face, away or to it
+                inward = _unit(
+                    normals[1] - normals[0] * (normals[0] @ normals[1])
+                )  # in the first face, away or to it
                 inward = inward if inward @ bisector < 0 else -inward
                 cuts.append([*bisector, -bisector @ (edge[0] + chamfer * inward)])
     return convex_hull(HalfspaceIntersection(np.vstack([planes, cuts]), np.zeros(3)).intersections)
@@ -143,7 +155,9 @@ def hull_corners(points: np.ndarray, limit: int | None = None) -> np.ndarray:
     if limit is None or len(corners) <= limit:
         return corners
     if limit < 8:
-        raise ValueError(f"limit = {limit}: a hull needs at least 8 corners to keep a bounding box and a volume")
+        raise ValueError(
+            f"limit = {limit}: a hull needs at least 8 corners to keep a bounding box and a volume"
+        )
     chosen = list(dict.fromkeys([*corners.argmin(axis=0).tolist(), *corners.argmax(axis=0).tolist()]))
     center = corners.mean(axis=0)
     while len(chosen) < 4 or np.linalg.matrix_rank(corners[chosen] - corners[chosen[0]], tol=1e-9) < 3:

@@ -38,7 +38,9 @@ class DecompositionConfig:
     threshold: float = 0.1
     max_parts: int = -1
     hull_vertices: int = 32
-    convex_hull_vertices: int = 96  # of the one part of a convex object: it is the whole shape, so it may be finer
+    convex_hull_vertices: int = (
+        96  # of the one part of a convex object: it is the whole shape, so it may be finer
+    )
     seed: int = 0
     timeout: float = 300.0
 
@@ -46,7 +48,9 @@ class DecompositionConfig:
         if not 0.01 <= self.threshold <= 1.0:
             raise DecompositionError(f"threshold = {self.threshold!r}: CoACD allows 0.01 to 1")
         if self.max_parts != -1 and self.max_parts < 1:
-            raise DecompositionError(f"max_parts = {self.max_parts!r}: allowed are -1 (no bound) and integers >= 1")
+            raise DecompositionError(
+                f"max_parts = {self.max_parts!r}: allowed are -1 (no bound) and integers >= 1"
+            )
         if min(self.hull_vertices, self.convex_hull_vertices) < 8:
             raise DecompositionError(f"hull_vertices = {self.hull_vertices!r}: at least 8 are needed")
         if not self.timeout > 0:
@@ -99,7 +103,9 @@ def _coacd_version() -> str:
     return version("coacd")
 
 
-def _run(vertices: np.ndarray, faces: np.ndarray, config: DecompositionConfig, name: str) -> dict[str, np.ndarray]:
+def _run(
+    vertices: np.ndarray, faces: np.ndarray, config: DecompositionConfig, name: str
+) -> dict[str, np.ndarray]:
     scale = float(np.ptp(vertices, axis=0).max())  # CoACD works on a unit-sized mesh
     settings = {
         "threshold": config.threshold,
@@ -111,7 +117,11 @@ def _run(vertices: np.ndarray, faces: np.ndarray, config: DecompositionConfig, n
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     with tempfile.TemporaryDirectory(prefix="coacd-") as folder:
         source, target = Path(folder, "in.npz"), Path(folder, "out.npz")
-        inputs = {"vertices": vertices / scale, "faces": faces, **{k: np.array(v) for k, v in settings.items()}}
+        inputs = {
+            "vertices": vertices / scale,
+            "faces": faces,
+            **{k: np.array(v) for k, v in settings.items()},
+        }
         source.write_bytes(npz_bytes(inputs))
         command = [sys.executable, str(Path(__file__).with_name("coacd_worker.py")), str(source), str(target)]
         try:

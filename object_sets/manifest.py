@@ -33,8 +33,12 @@ class Errors(_Record):
     """Union of the parts against the solid inside the mesh."""
 
     volume: float = Field(description="relative, signed: > 0 when the parts fill more than the solid")
-    symmetric_difference: float = Field(ge=0, description="volume in only one of the two, relative to the solid's")
-    hausdorff: float = Field(ge=0, description="m, of the two solids, from the corners and samples of their surfaces")
+    symmetric_difference: float = Field(
+        ge=0, description="volume in only one of the two, relative to the solid's"
+    )
+    hausdorff: float = Field(
+        ge=0, description="m, of the two solids, from the corners and samples of their surfaces"
+    )
 
 
 class Decomposition(_Record):
@@ -71,7 +75,9 @@ class Entry(_Record):
     parts: tuple[Part, ...] = Field(min_length=1)
     errors: Errors
     decomposition: Decomposition
-    scales: tuple[Vector, ...] = Field(description="per-axis factors of the prepared sizes; empty: nominal only")
+    scales: tuple[Vector, ...] = Field(
+        description="per-axis factors of the prepared sizes; empty: nominal only"
+    )
 
 
 class Refused(_Record):
@@ -108,11 +114,15 @@ class Manifest(_Record):
             digest = content.pop("digest")
             found = content.get("schema")
         except (ValueError, KeyError, AttributeError, TypeError) as error:
-            raise DataError(f"{file}: no manifest of an object set ({error!r}); build the set again") from error
+            raise DataError(
+                f"{file}: no manifest of an object set ({error!r}); build the set again"
+            ) from error
         if found != SCHEMA:
             raise DataError(f"{file}: schema {found!r}, this version reads {SCHEMA!r}; build the set again")
         if digest != sha256(json_bytes(content)):
-            raise DataError(f"{file}: digest does not fit the content; the file was altered, build the set again")
+            raise DataError(
+                f"{file}: digest does not fit the content; the file was altered, build the set again"
+            )
         try:
             return cls.model_validate(content)
         except ValidationError as error:
@@ -122,6 +132,9 @@ class Manifest(_Record):
 def schema_bytes() -> bytes:
     """The published JSON schema of a manifest file, ``digest`` included."""
     schema = Manifest.model_json_schema(by_alias=True)
-    schema["properties"]["digest"] = {"type": "string", "description": "sha256 of the file without this field"}
+    schema["properties"]["digest"] = {
+        "type": "string",
+        "description": "sha256 of the file without this field",
+    }
     schema["required"] = [*schema["required"], "schema", "digest"]
     return json_bytes(schema)

@@ -15,7 +15,9 @@ class MassProperties(NamedTuple):
 
     volume: float  # m^3, positive when the faces point outward
     center_of_mass: np.ndarray  # (3,) float64, m, frame of the vertices
-    inertia: np.ndarray  # (3, 3) float64, kg m^2 for a mass of 1 kg, about the centre of mass, axes of the vertices
+    inertia: (
+        np.ndarray
+    )  # (3, 3) float64, kg m^2 for a mass of 1 kg, about the centre of mass, axes of the vertices
 
 
 def mass_properties(vertices: np.ndarray, faces: np.ndarray) -> MassProperties:

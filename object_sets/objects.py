@@ -39,7 +39,9 @@ class Object:
         if not np.isfinite(vertices).all():
             raise MeshError(self.name, "vertices are not all finite", "export the mesh again")
         if len(faces) == 0 or faces.min() < 0 or faces.max() >= len(vertices):
-            raise MeshError(self.name, f"face indices outside 0..{len(vertices) - 1}", "export the mesh again")
+            raise MeshError(
+                self.name, f"face indices outside 0..{len(vertices) - 1}", "export the mesh again"
+            )
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "faces", faces)
         object.__setattr__(self, "parts", tuple(_frozen(part, np.float64) for part in self.parts))
@@ -93,7 +95,11 @@ class Object:
         return self.scaled(_three(extents, "extents") / self.extents)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Object) and (self.id, self.name, self.digest) == (other.id, other.name, other.digest)
+        return isinstance(other, Object) and (self.id, self.name, self.digest) == (
+            other.id,
+            other.name,
+            other.digest,
+        )
 
     def __hash__(self) -> int:
         return hash((self.id, self.name, self.digest))

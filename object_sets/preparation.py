@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 
 import numpy as np
@@ -97,11 +97,6 @@ def prepare(candidate: Candidate, config: DecompositionConfig) -> tuple[Entry, b
 def versions() -> dict[str, str]:
     """Of the libraries that shape the data."""
     return {name: version(name) for name in ("coacd", "manifold3d", "numpy", "scipy", "trimesh")}
-
-
-def at_size(candidate: Candidate, factors: np.ndarray) -> Candidate:
-    """The candidate stretched by factors (3,)."""
-    return replace(candidate, vertices=candidate.vertices * factors)
 
 
 def _rounded(values, floor: float = 0.0):

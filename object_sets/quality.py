@@ -15,14 +15,18 @@ class PartErrors(NamedTuple):
 
     volume: float  # (volume of the union - volume of the solid) / volume of the solid, signed
     symmetric_difference: float  # volume that is in only one of the two / volume of the solid
-    hausdorff: float  # m, Hausdorff distance of the two solids, from the corners and samples of their surfaces
+    hausdorff: (
+        float  # m, Hausdorff distance of the two solids, from the corners and samples of their surfaces
+    )
 
 
-def part_errors(vertices: np.ndarray, faces: np.ndarray, parts: Sequence[np.ndarray], seed: int = 0) -> PartErrors:
+def part_errors(
+    vertices: np.ndarray, faces: np.ndarray, parts: Sequence[np.ndarray], seed: int = 0
+) -> PartErrors:
     """Compare convex parts, each (n, 3) m, with the solid inside a mesh: vertices (V, 3) m, faces (F, 3)."""
-    from object_sets.csg import convex_hull, to_manifold, union
-
     from scipy.spatial import ConvexHull
+
+    from object_sets.csg import convex_hull, to_manifold, union
 
     solid = to_manifold(vertices, faces)
     together = union(convex_hull(part) for part in parts)
@@ -31,11 +35,15 @@ def part_errors(vertices: np.ndarray, faces: np.ndarray, parts: Sequence[np.ndar
     hulls = [ConvexHull(part) for part in parts]
 
     points = np.vstack([vertices, sample_surface(vertices, faces, SAMPLES, seed)])
-    missed = points[np.min([(points @ h.equations[:, :3].T + h.equations[:, 3]).max(axis=1) for h in hulls], 0) > 0]
+    missed = points[
+        np.min([(points @ h.equations[:, :3].T + h.equations[:, 3]).max(axis=1) for h in hulls], 0) > 0
+    ]
     uncovered = np.min([surface_distance(missed, part, h.simplices) for part, h in zip(parts, hulls)], axis=0)
     # Only what sticks out of the solid counts: walls between parts lie inside and mean nothing.
     count = -(-SAMPLES // len(parts))
-    walls = [np.vstack([part, sample_surface(part, h.simplices, count, seed)]) for part, h in zip(parts, hulls)]
+    walls = [
+        np.vstack([part, sample_surface(part, h.simplices, count, seed)]) for part, h in zip(parts, hulls)
+    ]
     outside = np.vstack(walls)
     outside = outside[winding_numbers(outside, vertices, faces) < 0.5]
     excess = surface_distance(outside, vertices, faces)
@@ -73,6 +81,10 @@ def winding_numbers(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray)
         a, b, c = corners.transpose(1, 0, 2)
         la, lb, lc = lengths.T
         determinant = np.einsum("fi,fi->f", a, np.cross(b, c))
-        dots = np.einsum("fi,fi->f", a, b) * lc + np.einsum("fi,fi->f", b, c) * la + np.einsum("fi,fi->f", c, a) * lb
+        dots = (
+            np.einsum("fi,fi->f", a, b) * lc
+            + np.einsum("fi,fi->f", b, c) * la
+            + np.einsum("fi,fi->f", c, a) * lb
+        )
         angles[i] = 2.0 * np.arctan2(determinant, la * lb * lc + dots).sum()
     return angles / (4.0 * np.pi)

@@ -41,7 +41,9 @@ def load(name: str | Path) -> ObjectSet:
     if (directory / "manifest.json").is_file():
         return _load_directory(directory.resolve())
     hint = nearest(name, SETS)
-    raise UnknownObjectError(f"object set {str(name)!r}: neither a set nor a directory with manifest.json{hint}")
+    raise UnknownObjectError(
+        f"object set {str(name)!r}: neither a set nor a directory with manifest.json{hint}"
+    )
 
 
 def select(text: str) -> ObjectSet:
@@ -66,7 +68,9 @@ def select(text: str) -> ObjectSet:
             found = load(Path(item)).objects
         else:
             hint = nearest(item, [*SETS, *everything.names])
-            raise UnknownObjectError(f"object {item!r} in {text!r}: ids 0-{len(everything) - 1}, names and sets{hint}")
+            raise UnknownObjectError(
+                f"object {item!r} in {text!r}: ids 0-{len(everything) - 1}, names and sets{hint}"
+            )
         for candidate in found:
             chosen.setdefault((candidate.id, candidate.name), candidate)
     return ObjectSet(text if len(items) > 1 else items[0], tuple(chosen.values()))
@@ -84,7 +88,9 @@ def _read(directory: Path, stamp: int) -> ObjectSet:
             raise DataError(f"{file}: missing, the manifest lists it; build the set again")
         data = file.read_bytes()
         if sha256(data) != entry.sha256:
-            raise DataError(f"{file}: sha256 does not fit the manifest; the file was altered, build the set again")
+            raise DataError(
+                f"{file}: sha256 does not fit the manifest; the file was altered, build the set again"
+            )
         arrays = read_npz(data, file)
         nominal = Object(
             id=entry.id,

@@ -46,14 +46,21 @@ SHAPES: tuple[Shape, ...] = (
     Shape(2, "pentagon_prism", prisms.pentagon_prism, _PAPER),
     Shape(3, "cylinder", prisms.cylinder, _PAPER),
     Shape(4, "hexagonal_prism", prisms.hexagonal_prism, _OPEN),
-    Shape(5, "rhombicuboctahedron", polyhedra.rhombicuboctahedron, "authored after the paper's 26-sided 'sphere'"),
+    Shape(
+        5,
+        "rhombicuboctahedron",
+        polyhedra.rhombicuboctahedron,
+        "authored after the paper's 26-sided 'sphere'",
+    ),
     Shape(6, "h_profile", profiles.h_profile, _PAPER, max_parts=3),
     Shape(7, "plus_prism", profiles.plus_prism, _OPEN, max_parts=3),
     Shape(8, "cube", polyhedra.cube, _PAPER),
     Shape(9, "cuboid", polyhedra.cuboid, _PAPER),
     Shape(10, "t_shape", profiles.t_shape, _PAPER, max_parts=2),
     Shape(11, "emergency_switch", compounds.emergency_switch, _PAPER, max_parts=2, hull_vertices=48),
-    Shape(12, "apple", apple.apple, "authored with the YCB apple's extents and mass, not its scan", mass=0.068),
+    Shape(
+        12, "apple", apple.apple, "authored with the YCB apple's extents and mass, not its scan", mass=0.068
+    ),
     Shape(13, "elephant", figures.elephant, _STAND_IN, max_parts=12, hull_vertices=40),
     Shape(14, "amphora", figures.amphora, _STAND_IN, max_parts=10, hull_vertices=40),
     Shape(15, "gear", figures.gear, _STAND_IN, max_parts=13, hull_vertices=40),

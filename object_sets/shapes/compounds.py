@@ -18,7 +18,13 @@ def emergency_switch() -> Manifold:
     base = chamfered_prism(square, half, CHAMFER).translate((0.0, 0.0, -half / 2.0))
     radius = BUTTON * half
     button = revolution(
-        [(0, -half / 2.0), (radius, -half / 2.0), (radius, half - CHAMFER), (radius - CHAMFER, half), (0, half)],
+        [
+            (0, -half / 2.0),
+            (radius, -half / 2.0),
+            (radius, half - CHAMFER),
+            (radius - CHAMFER, half),
+            (0, half),
+        ],
         SEGMENTS,
     )
     return base + button

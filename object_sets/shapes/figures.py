@@ -1,6 +1,8 @@
-"""Three stand-ins for the paper's complex objects 13-15: small features and high curvature. Written in units of 1 cm."""
+"""Stand-ins for the paper's complex objects 13-15: small features and high curvature. Written in units of 1 cm."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 import numpy as np
 from manifold3d import Manifold
@@ -17,7 +19,7 @@ def elephant() -> Manifold:
             ellipsoid((2.9, 2.0, 1.9), (-0.3, 0, 0.2)),
             ellipsoid((1.5, 1.35, 1.5), (2.7, 0, 1.5)),
             *[ellipsoid((0.45, 1.25, 1.4), (2.1, y, 1.9), 16) for y in (-1.9, 1.9)],
-            *[limb(a, b, (0.62 - 0.06 * i, 0.56 - 0.06 * i)) for i, (a, b) in enumerate(zip(trunk, trunk[1:]))],
+            *[limb(a, b, (0.62 - 0.06 * i, 0.56 - 0.06 * i)) for i, (a, b) in enumerate(pairwise(trunk))],
             *legs,
             limb((-2.9, 0, 0.8), (-3.7, 0, -0.4), (0.35, 0.28), 10),
         ]
@@ -34,7 +36,7 @@ def amphora() -> Manifold:
     handles = [
         limb((side * ax, ay, az), (side * bx, by, bz), (0.42, 0.42), 10)
         for side in (-1, 1)
-        for (ax, ay, az), (bx, by, bz) in zip(handle, handle[1:])
+        for (ax, ay, az), (bx, by, bz) in pairwise(handle)
     ]
     return fitted(union([body, *handles]), (0.0675, 0.0475, 0.075))
 
@@ -47,4 +49,6 @@ def gear(teeth: int = 8) -> Manifold:
     angles = (np.arange(teeth)[:, None] * step + offsets).ravel()
     profile = np.tile(radii, teeth)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
     hub = revolution([(0, 0), (1.6, 0), (1.6, 2.6), (1.3, 2.9), (0, 2.9)], 16)
-    return fitted(union([extrusion(profile, 2.0), hub, box((1.6, 1.6, 2.0), (0, 0, -1.9))]), (0.07, 0.07, 0.055))
+    return fitted(
+        union([extrusion(profile, 2.0), hub, box((1.6, 1.6, 2.0), (0, 0, -1.9))]), (0.07, 0.07, 0.055)
+    )

@@ -24,7 +24,12 @@ def hexagonal_prism() -> Manifold:
 def cylinder() -> Manifold:
     """Diameter = height, rims chamfered; the polygon's corners lie on the circle."""
     radius, half = NOMINAL / 2.0, NOMINAL / 2.0
-    rings = [(radius - CHAMFER, -half), (radius, CHAMFER - half), (radius, half - CHAMFER), (radius - CHAMFER, half)]
+    rings = [
+        (radius - CHAMFER, -half),
+        (radius, CHAMFER - half),
+        (radius, half - CHAMFER),
+        (radius - CHAMFER, half),
+    ]
     angles = 2.0 * np.pi * np.arange(SEGMENTS) / SEGMENTS
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
     return convex_hull(np.vstack([np.column_stack([r * circle, np.full(SEGMENTS, z)]) for r, z in rings]))
@@ -35,6 +40,8 @@ def _regular_prism(sides: int) -> Manifold:
     polygon = np.column_stack([np.cos(angles), np.sin(angles)])
     polygon *= NOMINAL / np.ptp(polygon, axis=0)
     polygon -= (polygon.min(axis=0) + polygon.max(axis=0)) / 2.0
-    corners = np.vstack([np.column_stack([polygon, np.full(sides, z)]) for z in (-NOMINAL / 2.0, NOMINAL / 2.0)])
+    corners = np.vstack(
+        [np.column_stack([polygon, np.full(sides, z)]) for z in (-NOMINAL / 2.0, NOMINAL / 2.0)]
+    )
     # The chamfers take about a millimetre off the outermost corners: fitted once more.
     return fitted(chamfered_polyhedron(corners, CHAMFER), NOMINAL)

@@ -1,0 +1,263 @@
+"""Read mesh files, repair what is safe, report every repair, refuse the rest with a reason and a remedy."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from object_sets.errors import MeshError, ObjectSetError
+from object_sets.storage import sha256
+
+FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off", ".3mf")
+SIZES = (0.005, 0.5)  # m; a largest extent outside is a wrong unit rather than an object for a hand
+MAX_FACES = 4000  # of an object; denser meshes are simplified, since encodings and checks cost a face
+SIMPLIFICATION = 0.01  # of the largest extent: the surface may move by this much at most while simplifying
+HOLE_AREA = 0.02  # of the surface: what filling holes may add
+FLATNESS = 1e-3  # volume over bounding box below which a mesh is a sheet, not a solid
+PROBES = 96  # points whose winding number is checked
+
+
+class ImportedMesh(NamedTuple):
+    """A sound solid from a file."""
+
+    vertices: np.ndarray  # (V, 3) float64 m, bounding box centred on the origin
+    faces: np.ndarray  # (F, 3) int32, watertight, outward
+    sha256: str  # of the file
+    repairs: tuple[str, ...]  # what was changed, in order; empty when nothing was
+
+
+def mesh_files(folder: Path) -> list[Path]:
+    """Every mesh file of a folder, sorted by name. Raises ``ObjectSetError`` when there is none."""
+    if not folder.is_dir():
+        raise ObjectSetError(f"{folder}: no such folder; give a folder with {', '.join(FORMATS)} files")
+    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in FORMATS and path.is_file())
+    if not files:
+        raise ObjectSetError(f"{folder}: no mesh file in it; read are {', '.join(FORMATS)}")
+    return files
+
+
+def read_mesh(
+    file: str | Path, extent: tuple[float, float] | None = None, max_faces: int = MAX_FACES
+) -> ImportedMesh:
+    """Read one mesh file and make a sound solid of it.
+
+    Args:
+        file: STL, OBJ, PLY, GLB/GLTF, OFF or 3MF; lengths in metres unless ``extent`` is given.
+        extent: (lowest, highest) m for the largest extent; a mesh outside is scaled to the nearer bound, all axes
+            alike. Units in the file then don't matter.
+        max_faces: denser meshes are simplified within ``SIMPLIFICATION``.
+
+    Raises:
+        MeshError: the file can't be read, or is no solid that could be repaired safely; it names file, defect, remedy.
+    """
+    from object_sets.csg import to_mesh
+
+    path = Path(file)
+    repairs: list[str] = []
+    vertices, faces, digest = _read(path)
+    vertices, faces = _clean(path, vertices, faces, repairs)
+    vertices, faces = _closed(path, vertices, faces, repairs)
+    solid = _solid(path, vertices, faces, repairs)
+    size = float(np.ptp(vertices, axis=0).max())
+    solid = _simplified(path, solid, size, max_faces, repairs)
+    factor = _scale(path, size, extent, repairs)
+    vertices, faces = to_mesh(solid.scale((factor, factor, factor)))
+    _sound(path, vertices, faces)
+    return ImportedMesh(vertices, faces, digest, tuple(repairs))
+
+
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray, str]:
+    import trimesh
+
+    if path.suffix.lower() not in FORMATS:
+        raise MeshError(path, f"unknown ending {path.suffix!r}", f"convert it to one of {', '.join(FORMATS)}")
+    try:
+        digest = sha256(path.read_bytes())
+    except OSError as error:
+        raise MeshError(
+            path, f"can't be read ({error.strerror})", "check the path and its permissions"
+        ) from error
+    quiet = logging.getLogger("trimesh")
+    level = quiet.level
+    quiet.setLevel(logging.CRITICAL)  # what it would say is raised below, with the file's name
+    try:
+        mesh = trimesh.load_scene(path, process=False).to_mesh()
+        vertices, faces = np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
+    except Exception as error:  # parsers raise anything on broken input
+        first = (str(error).strip() or type(error).__name__).splitlines()[0][:200]
+        raise MeshError(
+            path, f"is no readable {path.suffix[1:].upper()} file ({first})", "export it again"
+        ) from error
+    finally:
+        quiet.setLevel(level)
+    if len(faces) == 0 or faces.ndim != 2:
+        raise MeshError(
+            path, "has no triangles", "export the surface, not a point cloud, curves or an empty scene"
+        )
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise MeshError(path, "has faces that name vertices it lacks", "export it again")
+    used = vertices[np.unique(faces)]
+    if not np.isfinite(used).all():
+        raise MeshError(path, "has vertices that are not finite numbers", "export it again")
+    return vertices, faces, digest
+
+
+def _clean(
+    path: Path, vertices: np.ndarray, faces: np.ndarray, repairs: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Merge equal vertices, drop faces without corners of their own and repeated faces."""
+    size = float(np.ptp(vertices[np.unique(faces)], axis=0).max())
+    if size == 0:
+        raise MeshError(path, "all its vertices are one point", "export it again")
+    used, faces = np.unique(faces, return_inverse=True)
+    vertices, faces = vertices[used], faces.reshape(-1, 3)
+    _, first, inverse = np.unique(
+        np.round(vertices / (1e-7 * size)).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    )
+    if len(first) < len(vertices):
+        repairs.append(f"merged {len(vertices) - len(first)} repeated vertices")
+        vertices, faces = vertices[first], inverse.reshape(-1)[faces]
+    proper = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
+    if not proper.all():
+        repairs.append(f"dropped {int((~proper).sum())} faces with repeated corners")
+        faces = faces[proper]
+    _, index = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    if len(index) < len(faces):
+        repairs.append(f"dropped {len(faces) - len(index)} repeated faces")
+        faces = faces[np.sort(index)]
+    if len(faces) < 4:
+        raise MeshError(path, f"has {len(faces)} proper triangles", "a solid needs at least 4")
+    return vertices, faces
+
+
+def _closed(
+    path: Path, vertices: np.ndarray, faces: np.ndarray, repairs: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Turn faces to a common side and close small holes; refuse what stays open."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    uses = np.bincount(trimesh.grouping.unique_rows(mesh.edges_sorted)[1])
+    if (uses > 2).any():
+        raise MeshError(
+            path, f"{int((uses > 2).sum())} edges belong to more than two faces",
+            "separate bodies that touch along an edge and remove inner walls",
+        )  # fmt: skip
+    before = mesh.faces.copy()
+    trimesh.repair.fix_winding(mesh)
+    turned = int((mesh.faces != before).any(axis=1).sum())
+    if turned:
+        repairs.append(f"turned {turned} faces to the side of their neighbours")
+    missing = int((uses == 1).sum())
+    if missing:
+        area, count = mesh.area, len(mesh.faces)
+        filled = trimesh.repair.fill_holes(mesh)
+        if not (filled and mesh.is_watertight) or mesh.area > (1.0 + HOLE_AREA) * area:
+            raise MeshError(
+                path, f"is open: {missing} edges border a hole", "close it in a modelling program"
+            )
+        repairs.append(f"closed holes with {missing} border edges by {len(mesh.faces) - count} faces")
+        trimesh.repair.fix_winding(mesh)
+    if not mesh.is_winding_consistent:
+        raise MeshError(
+            path, "its faces have no common outside (a one-sided surface)", "model a closed solid"
+        )
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64)
+
+
+def _solid(path: Path, vertices: np.ndarray, faces: np.ndarray, repairs: list[str]):
+    """One solid of all bodies: inside-out ones turned, several united, cavities kept."""
+    import trimesh
+
+    from object_sets.csg import to_manifold, union
+    from object_sets.quality import winding_numbers
+
+    labels = trimesh.graph.connected_component_labels(
+        trimesh.Trimesh(vertices, faces, process=False).face_adjacency, node_count=len(faces)
+    )
+    bodies = [faces[labels == label] for label in range(labels.max() + 1)]
+    volumes = [np.einsum("fi,fi->f", *_first_and_normal(vertices, body)).sum() / 6.0 for body in bodies]
+    cavities, outer, turned = [], [], 0
+    for i, body in enumerate(bodies):
+        others = np.vstack([b for j, b in enumerate(bodies) if j != i]) if len(bodies) > 1 else None
+        point = vertices[body[0, :1]]
+        inner = others is not None and abs(winding_numbers(point, vertices, others)[0]) > 0.5
+        if volumes[i] < 0 and inner:
+            cavities.append(body[:, ::-1])
+        else:
+            turned += volumes[i] < 0
+            outer.append(body[:, ::-1] if volumes[i] < 0 else body)
+    if turned:
+        repairs.append(f"turned {turned} inside-out {'body' if turned == 1 else 'bodies'}")
+    solids = [to_manifold(vertices, body) for body in outer]
+    holes = [to_manifold(vertices, body) for body in cavities]
+    if any(item.is_empty() for item in solids + holes):
+        raise MeshError(
+            path, "is no manifold surface, or encloses nothing", "repair it in a modelling program"
+        )
+    solid = union(solids)
+    if len(outer) > 1:
+        repairs.append(f"united {len(outer)} bodies")
+    if holes:
+        solid = solid - union(holes)
+        repairs.append(f"kept {len(holes)} closed cavities")
+    apart = len([part for part in solid.decompose() if part.volume() > 0])
+    if apart > 1:
+        raise MeshError(
+            path, f"consists of {apart} bodies that don't touch", "save each body as a file of its own"
+        )
+    low, high = np.array(solid.bounding_box()).reshape(2, 3)
+    if solid.volume() < FLATNESS * np.prod(high - low):
+        raise MeshError(path, "is flat: it encloses next to no volume", "give the surface a thickness")
+    return solid
+
+
+def _first_and_normal(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    a, b, c = (vertices - vertices.mean(axis=0))[faces].transpose(1, 0, 2)
+    return a, np.cross(b, c)
+
+
+def _simplified(path: Path, solid, size: float, max_faces: int, repairs: list[str]):
+    count = solid.num_tri()
+    if count <= max_faces:
+        return solid
+    for share in (0.001, 0.002, 0.005, SIMPLIFICATION):
+        simple = solid.simplify(share * size)
+        if simple.num_tri() <= max_faces:
+            repairs.append(
+                f"simplified {count} faces to {simple.num_tri()} (within {100 * share:g} % of its size)"
+            )
+            return simple
+    raise MeshError(
+        path, f"has {count} faces, and {simple.num_tri()} when simplified within {100 * SIMPLIFICATION:g} % of its size",
+        f"simplify it to at most {max_faces}",
+    )  # fmt: skip
+
+
+def _scale(path: Path, size: float, extent: tuple[float, float] | None, repairs: list[str]) -> float:
+    if extent is not None:
+        factor = float(np.clip(size, *extent)) / size
+        if factor != 1.0:
+            repairs.append(f"scaled by {factor:.6g} to a largest extent of {1000 * factor * size:.4g} mm")
+        return factor
+    if not SIZES[0] <= size <= SIZES[1]:
+        raise MeshError(
+            path, f"is {size:.4g} m large; allowed are {SIZES[0]:g} to {SIZES[1]:g} m",
+            "save it in metres, or give an extent to scale to",
+        )  # fmt: skip
+    return 1.0
+
+
+def _sound(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+    """Winding numbers of points beside the surface must be 0 or 1; anything else means it cuts through itself."""
+    from object_sets.quality import sample_surface, winding_numbers
+
+    points = sample_surface(vertices, faces, PROBES, seed=0)
+    spread = 0.01 * np.ptp(vertices, axis=0).max() * np.random.default_rng(0).normal(size=points.shape)
+    numbers = winding_numbers(points + spread, vertices, faces)
+    wrong = np.abs(numbers - np.clip(np.round(numbers), 0, 1)) > 0.01
+    if wrong.any():
+        raise MeshError(path, "cuts through itself", "unite its pieces in a modelling program")
