@@ -1,0 +1,37 @@
+"""tactile-kit: purely tactile, shape-conditioned in-hand manipulation, reproducible on a plain CPU.
+
+``gymnasium.make("tactile_kit/Reorient-v0")``, ``tactile_kit.make_vec``, ``tactile_kit.load_agent`` and
+``tactile_kit.evaluate`` are the ways in; nothing heavy is imported before one of them is used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+__version__ = "0.1.0"
+
+_WAYS_IN = {
+    "make_vec": "tactile_kit.task.vec_env",
+    "load_agent": "tactile_kit.agents",
+    "evaluate": "tactile_kit.evaluation",
+    "TaskConfig": "tactile_kit.task.config",
+}
+ENVIRONMENT = "tactile_kit/Reorient-v0"
+
+__all__ = ["ENVIRONMENT", "TaskConfig", "__version__", "evaluate", "load_agent", "make_vec", "register"]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _WAYS_IN:
+        return getattr(import_module(_WAYS_IN[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def register() -> None:
+    """Tell Gymnasium of the environment; also done through the package's entry point."""
+    import gymnasium
+
+    if ENVIRONMENT not in gymnasium.registry:
+        # the task ends its episodes itself, at the horizon
+        gymnasium.register(ENVIRONMENT, entry_point="tactile_kit.task.env:ReorientEnv")

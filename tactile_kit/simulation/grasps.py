@@ -101,6 +101,13 @@ class GraspBank:
         """Number of grasps of object ``index``."""
         return int(self.start[index + 1] - self.start[index])
 
+    @classmethod
+    def joined(cls, banks: Sequence[GraspBank]) -> GraspBank:
+        """One bank over the objects of several."""
+        counts = [bank.count(index) for bank in banks for index in range(len(bank))]
+        arrays = {name: np.concatenate([getattr(bank, name) for bank in banks]) for name in Grasp.__annotations__}
+        return cls(**arrays, start=np.cumsum([0, *counts]))
+
     def grasp(self, index: int, number: int) -> Grasp:
         """Grasp ``number`` of object ``index``."""
         if not 0 <= number < self.count(index):

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 import pybullet
 from numpy.typing import NDArray
-from pybullet_utils.bullet_client import BulletClient
 
 from tactile_kit.hand import kinematics
 from tactile_kit.hand.controller import TORQUE_LIMIT, CommandFilter, Impedance, ImpedanceController
 from tactile_kit.simulation.bodies import Body, hand_file
+from tactile_kit.simulation.client import Client
 from tactile_kit.simulation.config import SAMPLES, SimulationConfig
 from tactile_kit.task.rotations import from_quaternion, to_quaternion
 
@@ -57,7 +57,7 @@ class World:
 
     def __init__(self, config: SimulationConfig) -> None:
         self.config = config
-        self.bullet = BulletClient(pybullet.DIRECT)
+        self.bullet = Client()
         self._hand_file = str(hand_file())
         self._filter = CommandFilter(config.filter_time_constant, config.time_step)
         self.q, self.e = np.zeros((SAMPLES, kinematics.JOINTS)), np.zeros((SAMPLES, kinematics.JOINTS))

@@ -1,0 +1,128 @@
+"""One environment's episodes: physics drawn from the episode's seed, a grasp to start from, an end."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+import randomization
+from tactile_kit.hand import kinematics
+from tactile_kit.simulation.bodies import Body
+from tactile_kit.simulation.config import CONTROL_RATE, SAMPLES, SimulationConfig
+from tactile_kit.simulation.grasps import GraspBank
+from tactile_kit.simulation.world import PhysicsFault, World
+
+LOWEST = -0.05  # m: below, the object is dropped
+WIDEST = 0.10  # m: |x| beyond, the object is dropped
+FULL_RANGE = 0.5 * (kinematics.JOINT_UPPER - kinematics.JOINT_LOWER)
+MIDDLE = 0.5 * (kinematics.JOINT_UPPER + kinematics.JOINT_LOWER)
+RELATIVE_STEP = 0.2  # rad an action, for the relative action of the lab's earlier work
+
+
+class Status(IntEnum):
+    """How a control step ended."""
+
+    RUNNING = 0
+    TIME = 1  # the horizon is reached
+    DROP = 2
+    FAULT = 3  # the physics left its range
+
+
+def dropped(position: NDArray) -> NDArray | bool:
+    """Whether an object at ``position (..., 3)`` m counts as dropped."""
+    return (position[..., 2] < LOWEST) | (np.abs(position[..., 0]) > WIDEST)
+
+
+class Simulator:
+    """A world that plays episodes.
+
+    Args:
+        config: physics.
+        bodies: one a variant.
+        bank: grasps, one group a variant.
+        preset: domain randomisation.
+        horizon: control steps an episode.
+        relative: actions are steps from the measured angles instead of absolute targets.
+    """
+
+    def __init__(
+        self,
+        config: SimulationConfig,
+        bodies: Sequence[Body],
+        bank: GraspBank,
+        preset: randomization.Randomization,
+        horizon: int,
+        relative: bool = False,
+    ) -> None:
+        self.world = World(config)
+        self.bodies, self.bank, self.preset, self.horizon = bodies, bank, preset, horizon
+        self.relative = relative
+        self.elapsed = 0
+        self.fault: str | None = None
+        self._noises = any(term.when == "step" for term in preset.terms.values())
+
+    def reset(self, variant: int, seed: int, gravity: float) -> None:
+        """Start an episode: everything random comes from ``seed``; ``gravity`` in m/s^2."""
+        world = self.world
+        self.physics = {**self.preset.draw("episode", seed), "gravity": gravity}
+        self._steps = self.preset.draw_steps(seed, self.horizon * SAMPLES)
+        self._intervals = self.preset.draw_intervals(seed, self.horizon / CONTROL_RATE)
+        self.preset_intervals = {name: self.preset.terms[name].interval for name in self._intervals}
+        number = int(randomization.stream(seed, "grasp").integers(self.bank.count(variant)))
+        grasp = self.bank.grasp(variant, number)
+        world.load(self.bodies[variant], self.physics)
+        world.place(grasp)
+        self._target = grasp.command.copy()
+        self.elapsed, self.fault = 0, None
+        self.initial_position = world.position.copy()
+
+    def step(self, action: NDArray) -> Status:
+        """Play one action ``(12,)`` in [-1, 1]."""
+        world, number = self.world, self.elapsed
+        if not np.isfinite(action).all():
+            self.fault = f"action {action} is not finite"
+            return Status.FAULT
+        sticky = "sticky_action" in self._steps and self._steps["sticky_action"][number]
+        if not sticky:
+            action = np.clip(action, -1.0, 1.0)
+            if self.relative:
+                target = world.q[-1] + RELATIVE_STEP * action
+                self._target = np.clip(target, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
+            else:
+                self._target = MIDDLE + FULL_RANGE * action
+        self._disturb(number / CONTROL_RATE)
+        noise = self._steps.get("joint_noise")
+        if noise is not None:
+            noise = noise[number * SAMPLES : (number + 1) * SAMPLES]
+        before = world.position, world.rotation
+        self.elapsed += 1
+        try:
+            world.step(self._target, noise)
+        except PhysicsFault as error:
+            world.position, world.rotation = before  # the last state that means something
+            np.nan_to_num(world.q, copy=False)
+            self.fault = str(error)
+            return Status.FAULT
+        if dropped(world.position):
+            return Status.DROP
+        return Status.TIME if self.elapsed >= self.horizon else Status.RUNNING
+
+    def _disturb(self, time: float) -> None:
+        if not self._intervals:
+            return
+        values = {name: rows[int(time / self.preset_intervals[name])] for name, rows in self._intervals.items()}
+        self.world.disturb(values.get("force", np.zeros(3)), values.get("torque", np.zeros(3)))
+
+    def read(self, z: NDArray, x: NDArray, R: NDArray, q: NDArray) -> None:
+        """Write the state: ``z (144,)``, ``x (3,)``, ``R (3, 3)``, true driven joints ``q (12,)``."""
+        world = self.world
+        z.reshape(SAMPLES, 2, kinematics.JOINTS)[:, 0] = world.q
+        z.reshape(SAMPLES, 2, kinematics.JOINTS)[:, 1] = world.e
+        x[:], R[:], q[:] = world.position, world.rotation, world.joints[kinematics.DRIVEN_INDEX]
+
+    def close(self) -> None:
+        """Disconnect from Bullet."""
+        self.world.close()

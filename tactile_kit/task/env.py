@@ -1,0 +1,101 @@
+"""``tactile_kit/Reorient-v0``: the task as a single Gymnasium environment."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+import randomization
+from tactile_kit.hand.kinematics import JOINTS
+from tactile_kit.simulation.simulator import Status
+from tactile_kit.task.config import TaskConfig
+from tactile_kit.task.core import Core
+from tactile_kit.task.goals import EpisodeSpec, training_episodes
+from tactile_kit.task.observation import Belief
+from tactile_kit.task.reward import reward_terms
+from tactile_kit.task.rotations import geodesic
+
+
+class ReorientEnv(gymnasium.Env):
+    """Reorient an object in the hand (paper, section II); the policy is told the true pose (oracle).
+
+    Observation: ``(D,) float32``, terms as in ``layout``. Action: ``(12,) float32`` in [-1, 1], target joint angles over
+    the joint range. ``reset(seed=...)`` makes the coming episodes repeatable; ``reset(options={"episode": spec})`` plays
+    one :class:`EpisodeSpec`.
+
+    Args:
+        config: the task; single settings may be given by keyword instead or on top, for example
+            ``gymnasium.make("tactile_kit/Reorient-v0", objects="cube")``.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012
+
+    def __init__(self, config: TaskConfig | None = None, render_mode: str | None = None, **settings: Any) -> None:
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(f"render_mode = {render_mode!r}: allowed are None and 'rgb_array'")
+        self.config = TaskConfig(**({} if config is None else config.model_dump()) | settings)
+        self.render_mode = render_mode
+        self.core = Core(self.config)
+        self.layout = self.core.layout
+        self.simulator = self.core.blueprint.build()
+        self.observation_space = spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (JOINTS,), np.float32)
+        self._z = np.zeros(144, np.float32)
+        self._x, self._R, self._q = np.zeros(3), np.eye(3), np.zeros(JOINTS)
+        self._episodes = None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray, dict[str, Any]]:
+        """Start an episode; ``info`` holds its specification and the drawn physics."""
+        super().reset(seed=seed)
+        if seed is not None or self._episodes is None:
+            start = randomization.derive(seed, "training") if seed is not None else int(self.np_random.integers(2**62))
+            self._episodes = training_episodes(self.config, self.core.variants, 0, start)
+        spec = (options or {}).get("episode")
+        if spec is None:
+            spec = next(self._episodes)
+        elif not isinstance(spec, EpisodeSpec):
+            raise TypeError(f"options['episode'] is a {type(spec).__name__}: allowed is an EpisodeSpec")
+        self.spec_now = spec
+        self.simulator.reset(spec.variant, spec.seed, self.config.gravity)
+        self._read()
+        self._x0 = self._x.copy()
+        return self._observe(), {"episode_spec": spec, "randomization": self.simulator.physics}
+
+    def step(self, action: NDArray) -> tuple[NDArray, float, bool, bool, dict[str, Any]]:
+        """Play one action; 0.1 s."""
+        R_before, x_before = self._R.copy(), self._x.copy()
+        status = self.simulator.step(np.asarray(action, dtype=np.float64))
+        self._read()
+        terms = reward_terms(
+            self.config.reward, R_before, self._R, self.spec_now.goal, x_before, self._x, self._x0, self._q
+        )
+        theta = float(geodesic(self._R, self.spec_now.goal))
+        info: dict[str, Any] = {"theta": theta, "reward_terms": {name: float(value) for name, value in terms.items()}}
+        info["success"] = bool(status == Status.TIME and theta < self.config.success_angle)
+        info["drop"], info["fault"] = status == Status.DROP, self.simulator.fault
+        terminated = status in (Status.DROP, Status.FAULT)
+        return self._observe(), float(sum(terms.values())), terminated, status == Status.TIME, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The scene as an RGB image ``(480, 480, 3)``, drawn by Bullet's software renderer."""
+        if self.render_mode is None:
+            return None
+        from tactile_kit.simulation.camera import picture
+
+        return picture(self.simulator.world)
+
+    def close(self) -> None:
+        """Disconnect from Bullet."""
+        self.simulator.close()
+
+    def _read(self) -> None:
+        self.simulator.read(self._z, self._x, self._R, self._q)
+
+    def _observe(self) -> NDArray[np.float32]:
+        belief = Belief(self._x[None].astype(np.float32), self._R[None].astype(np.float32))
+        given = np.array([self.spec_now.given])
+        return self.core.observer(self._z[None], self.spec_now.goal[None], belief, given)[0]

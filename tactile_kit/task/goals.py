@@ -1,0 +1,46 @@
+"""Goals and episodes: what is drawn before an episode starts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+import randomization
+from tactile_kit.task.config import TaskConfig
+from tactile_kit.task.rotations import octahedral, random_rotations
+from tactile_kit.task.variants import Variants
+
+
+@dataclass(frozen=True)
+class EpisodeSpec:
+    """All that decides an episode apart from the agent.
+
+    Attributes:
+        variant: which body is manipulated.
+        given: whose mesh the agent is told (equal to ``variant`` but for the wrong-mesh experiments, section III-E).
+        goal: goal orientation ``(3, 3)``.
+        seed: of everything random in the episode: the grasp, the physics, the noise.
+    """
+
+    variant: int
+    given: int
+    goal: NDArray[np.float64]
+    seed: int
+
+
+def training_episodes(config: TaskConfig, variants: Variants, environment: int, seed: int) -> Iterator[EpisodeSpec]:
+    """Endless episodes of one environment. Environments share the objects out equally (paper, section II-G)."""
+    sizes = variants.of_object(environment % variants.number_of_objects)
+    number = 0
+    while True:
+        generator = randomization.stream(seed, "episode", environment, number)
+        variant = int(sizes[generator.integers(len(sizes))])
+        if config.goals == "so3":
+            goal = random_rotations(generator, 1)[0]
+        else:
+            goal = octahedral()[generator.integers(24)]
+        yield EpisodeSpec(variant, variant, goal, int(generator.integers(2**62)))
+        number += 1

@@ -1,0 +1,33 @@
+"""The paper's reward (section II-E) as named terms, batched over environments."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_kit.hand.kinematics import MEAN_GRASP
+from tactile_kit.task.config import RewardConfig
+from tactile_kit.task.rotations import geodesic
+
+Array = NDArray[np.floating]
+
+
+def rotation_term(config: RewardConfig, R_before: Array, R: Array, goal: Array) -> Array:
+    """Angle gained towards the goal, clipped from above: ``(..., 3, 3)`` three times to ``(...)``."""
+    gained = geodesic(R_before, goal) - geodesic(R, goal)
+    return config.rotation * np.minimum(gained, config.rotation_clip)
+
+
+def reward_terms(
+    config: RewardConfig, R_before: Array, R: Array, goal: Array, x_before: Array, x: Array, x_start: Array, q: Array
+) -> dict[str, Array]:
+    """Terms of the reward, each ``(E,)``; their sum is the reward.
+
+    ``R* (E, 3, 3)``, ``x* (E, 3)`` m, ``q (E, 12)`` true joint angles rad after the step.
+    """
+    away = np.linalg.norm(x - x_start, axis=-1) - np.linalg.norm(x_before - x_start, axis=-1)
+    return {
+        "rotation": rotation_term(config, R_before, R, goal),
+        "position": -config.position * away,
+        "posture": -config.posture * ((q - MEAN_GRASP) ** 4).sum(axis=-1),
+    }

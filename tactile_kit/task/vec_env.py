@@ -1,0 +1,317 @@
+"""The batched environment: E environments over W worker processes, as a Stable-Baselines3 ``VecEnv``.
+
+Workers simulate; everything that can be batched (goals, rewards, beliefs, shape encodings, observations) happens here.
+Results don't depend on the number of workers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+from tactile_kit.hand.kinematics import JOINTS
+from tactile_kit.simulation.simulator import Status
+from tactile_kit.simulation.vector import VectorSimulation
+from tactile_kit.task.config import TaskConfig
+from tactile_kit.task.core import Core
+from tactile_kit.task.goals import EpisodeSpec, training_episodes
+from tactile_kit.task.observation import Belief
+from tactile_kit.task.reward import reward_terms
+from tactile_kit.task.rotations import geodesic
+from tactile_kit.task.variants import Variants
+
+Array = NDArray[Any]
+
+
+@dataclass
+class State:
+    """Where every environment stands now, first axis environments.
+
+    ``z (E, 144)``, ``x, x0 (E, 3)``, ``R, R0, goal (E, 3, 3)``, ``given, variant, elapsed (E,)``.
+    """
+
+    z: Array
+    x: Array
+    R: Array
+    x0: Array
+    R0: Array
+    goal: Array
+    given: Array
+    variant: Array
+    elapsed: Array
+
+    def take(self, other: State, mask: Array) -> None:
+        """Overwrite the environments of ``mask`` by those of ``other``."""
+        for field in fields(self):
+            getattr(self, field.name)[mask] = getattr(other, field.name)[mask]
+
+
+@dataclass
+class Transition:
+    """The last step before any new episode began, first axis environments.
+
+    Rotations before and after the step, true and believed; ``reward_terms`` by name; ``next_observation`` is the
+    terminal one where an episode ended. Only the term "rotation" depends on the goal.
+    """
+
+    R_before: Array
+    R: Array
+    belief_R_before: Array
+    belief_R: Array
+    x: Array
+    goal: Array
+    reward_terms: dict[str, Array]
+    terminated: Array
+    truncated: Array
+    next_observation: Array
+
+
+@dataclass
+class EpisodeResult:
+    """How one episode ended."""
+
+    spec: EpisodeSpec
+    theta: float  # final angle to the goal, rad
+    theta_min: float
+    success: bool
+    drop: bool
+    fault: str | None
+    steps: int
+    reward: float
+
+
+class ReorientVecEnv(VecEnv):
+    """E environments of the reorientation task; the policy is told the true object pose (oracle).
+
+    Args:
+        config: the task.
+        num_envs: environments.
+        num_workers: worker processes; 0 simulates in this process.
+        seed: names the training episodes.
+        episodes: play exactly these, each once (evaluation); finished environments take the next of the list, and
+            ``results`` fills up in its order. Without it, training episodes never end.
+        variants: prepared bodies to share between environments.
+    """
+
+    render_mode = None
+    sigma = False  # whether beliefs come with uncertainties
+
+    def __init__(
+        self,
+        config: TaskConfig,
+        *,
+        num_envs: int,
+        num_workers: int = 1,
+        seed: int = 0,
+        episodes: Iterable[EpisodeSpec] | None = None,
+        variants: Variants | None = None,
+    ) -> None:
+        core = Core(config, sigma=self.sigma and config.sigma_in_observation, variants=variants)
+        self.core, self.config, self.seed_value = core, config, seed
+        self.layout, self.variants, self.meshes, self.encoding = core.layout, core.variants, core.meshes, core.encoding
+        super().__init__(
+            num_envs,
+            spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32),
+            spaces.Box(-1.0, 1.0, (JOINTS,), np.float32),
+        )
+        self.gravity = config.gravity
+        self.simulation = VectorSimulation(core.blueprint, num_envs, num_workers)
+        self._listed = None if episodes is None else list(episodes)
+        self.results: list[EpisodeResult | None] = [] if self._listed is None else [None] * len(self._listed)
+        self._queue: Iterator[int] = iter(range(len(self.results)))
+        self._sources = [training_episodes(config, self.variants, i, seed) for i in range(num_envs)]
+        self._spec: list[EpisodeSpec | None] = [None] * num_envs
+        self._number = np.full(num_envs, -1)  # place of the present episode in the list, -1: none
+        self._next: list[tuple[int, EpisodeSpec]] = [self._draw(i) for i in range(num_envs)]
+        self.state = self._blank_state()
+        self.belief = Belief(np.zeros((num_envs, 3), np.float32), np.tile(np.eye(3, dtype=np.float32), (num_envs, 1, 1)))
+        self.transition: Transition | None = None
+        self.episode_count = 0
+
+    # -- episodes ---------------------------------------------------------------------------------------------------
+
+    def _blank_state(self) -> State:
+        E = self.num_envs
+        eye = np.tile(np.eye(3), (E, 1, 1))
+        return State(
+            np.zeros((E, 144), np.float32), np.zeros((E, 3)), eye, np.zeros((E, 3)), eye.copy(), eye.copy(),
+            np.zeros(E, np.int64), np.zeros(E, np.int64), np.zeros(E, np.int64),
+        )  # fmt: skip
+
+    def _draw(self, environment: int) -> tuple[int, EpisodeSpec]:
+        """The episode after the next in ``environment``, announced to its worker."""
+        number = -1
+        if self._listed is None:
+            spec = next(self._sources[environment])
+        else:
+            number = next(self._queue, -1)
+            # with the list used up, environments idle on a repeat that nobody counts
+            spec = self._listed[number if number >= 0 else 0]
+        views = self.simulation.views
+        views["next_variant"][environment] = spec.variant
+        views["next_seed"][environment] = spec.seed
+        views["next_gravity"][environment] = self.gravity
+        return number, spec
+
+    def _begin(self, mask: Array) -> None:
+        """Take over the first states of new episodes and announce the following ones."""
+        views, state = self.simulation.views, self.state
+        for i in np.flatnonzero(mask):
+            self._number[i], spec = self._next[i]
+            self._spec[i] = spec
+            state.goal[i], state.given[i], state.variant[i] = spec.goal, spec.given, spec.variant
+            self._next[i] = self._draw(i)
+        for name in ("z", "x", "R"):
+            getattr(state, name)[mask] = views[name + "0"][mask]
+        state.x0[mask], state.R0[mask] = views["x0"][mask], views["R0"][mask]
+        state.elapsed[mask] = 0
+        theta = geodesic(state.R, state.goal)
+        self._theta_min = np.where(mask, theta, self._theta_min)
+        self._return = np.where(mask, 0.0, self._return)
+
+    @property
+    def finished(self) -> bool:
+        """Whether every listed episode has its result."""
+        return self._listed is not None and all(result is not None for result in self.results)
+
+    def set_gravity(self, gravity: float) -> None:
+        """Gravity in m/s^2 of the episodes that start from now on (those already announced included)."""
+        self.gravity = float(gravity)
+        self.simulation.views["next_gravity"][:] = gravity
+
+    # -- belief: the oracle's is the truth ------------------------------------------------------------------------
+
+    def _start_belief(self, mask: Array) -> Belief:
+        """Belief of all environments when those of ``mask`` have just begun an episode (``state`` holds it)."""
+        return self._true_belief()
+
+    def _update_belief(self) -> Belief:
+        """Belief of all environments after a step (``state`` holds the outcome, terminal where an episode ended)."""
+        return self._true_belief()
+
+    def _true_belief(self) -> Belief:
+        return Belief(self.state.x.astype(np.float32), self.state.R.astype(np.float32))
+
+    def _observe(self) -> Array:
+        return self.core.observer(self.state.z, self.state.goal, self.belief, self.state.given)
+
+    # -- VecEnv -----------------------------------------------------------------------------------------------------
+
+    def reset(self) -> Array:
+        """Begin episodes everywhere; ``(E, D) float32``."""
+        self._theta_min, self._return = np.zeros(self.num_envs), np.zeros(self.num_envs)
+        self.simulation.reset()
+        everywhere = np.ones(self.num_envs, bool)
+        self._begin(everywhere)
+        self.belief = self._start_belief(everywhere)
+        self.reset_infos = [{} for _ in range(self.num_envs)]
+        return self._observe()
+
+    def step_async(self, actions: Array) -> None:
+        """Send actions ``(E, 12)`` in [-1, 1] to the workers."""
+        self.simulation.views["action"][:] = actions
+        self.simulation.step_async()
+
+    def step_wait(self) -> tuple[Array, Array, Array, list[dict[str, Any]]]:
+        """Observations ``(E, D)``, rewards ``(E,)``, dones ``(E,)`` and infos (filled where an episode ended)."""
+        ended = self.simulation.step_wait()
+        views, state = self.simulation.views, self.state
+        R_before, x_before, belief_before = state.R.copy(), state.x.copy(), self.belief.R
+        state.z[:], state.x[:], state.R[:] = views["z"], views["x"], views["R"]
+        state.elapsed += 1
+        terms = reward_terms(
+            self.config.reward, R_before, state.R, state.goal, x_before, state.x, state.x0, views["q"]
+        )
+        reward = sum(terms.values()).astype(np.float32)
+        status = views["status"]
+        truncated = status == Status.TIME
+        terminated = (status == Status.DROP) | (status == Status.FAULT)
+        done = truncated | terminated
+        theta = geodesic(state.R, state.goal)
+        self._theta_min = np.minimum(self._theta_min, theta)
+        self._return += reward
+        self.belief = self._update_belief()
+        observation = self._observe()
+        self.transition = Transition(
+            R_before, state.R.copy(), belief_before, self.belief.R, state.x.copy(), state.goal.copy(), terms,
+            terminated, truncated, observation,
+        )  # fmt: skip
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if done.any():
+            for i in np.flatnonzero(done):
+                infos[i] = self._finish(i, theta[i], Status(int(status[i])), ended[int(i)], observation[i])
+            self._begin(done)
+            self.belief = self._start_belief(done)
+            observation = self._observe()
+        return observation, reward, done, infos
+
+    def _finish(self, i: int, theta: float, status: Status, ended: dict[str, Any], observation: Array) -> dict[str, Any]:
+        success = bool(status == Status.TIME and theta < self.config.success_angle)
+        result = EpisodeResult(
+            self._spec[i], float(theta), float(self._theta_min[i]), success, status == Status.DROP, ended["fault"],
+            ended["steps"], float(self._return[i]),
+        )  # fmt: skip
+        if self._number[i] >= 0:
+            self.results[self._number[i]] = result
+        self.episode_count += 1
+        return {
+            "terminal_observation": observation.copy(),
+            "TimeLimit.truncated": status == Status.TIME,
+            "episode": {"r": result.reward, "l": result.steps},
+            "success": success,
+            "theta": result.theta,
+            "theta_min": result.theta_min,
+            "drop": result.drop,
+            "fault": result.fault,
+            "variant": result.spec.variant,
+            "given": result.spec.given,
+            "goal": result.spec.goal,
+            "seed": result.spec.seed,
+            "randomization": ended["physics"],
+        }
+
+    def close(self) -> None:
+        """End the workers."""
+        self.simulation.close()
+
+    # -- the rest of SB3's interface ------------------------------------------------------------------------------
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The attribute, once an environment."""
+        return [getattr(self, attr_name)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Not supported: environments have no state of their own to set."""
+        raise AttributeError(f"{type(self).__name__}.{attr_name} can't be set from outside")
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Not supported: there are no environment objects behind the batch."""
+        raise AttributeError(f"{type(self).__name__} has no environment objects with {method_name!r}")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """Never wrapped."""
+        return [False] * len(list(self._get_indices(indices)))
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Episodes follow from the constructor's seed; SB3 calls this with the learner's seed, which changes nothing."""
+        return [self.seed_value] * self.num_envs
+
+
+def make_vec(config: TaskConfig | None = None, **settings: Any) -> ReorientVecEnv:
+    """The batched environment from a task or from single settings of one.
+
+    ``num_envs``, ``num_workers``, ``seed`` and ``episodes`` go to :class:`ReorientVecEnv`, everything else to
+    :class:`TaskConfig`.
+    """
+    own = {name: settings.pop(name) for name in ("num_envs", "num_workers", "seed", "episodes") if name in settings}
+    config = TaskConfig(**settings) if config is None else config.model_copy(update=settings)
+    return ReorientVecEnv(config, **{"num_envs": 16, **own})
+
+
+__all__ = ["Belief", "EpisodeResult", "EpisodeSpec", "ReorientVecEnv", "State", "Transition", "make_vec"]
