@@ -18,6 +18,7 @@ _HOMES = {
     "KalmanFilter": "kalman",
     "Sequences": "sequences",
     "estimator_loss": "loss",
+    "new_cell": "cell",
     "sequence_loss": "recurrence",
 }
 __all__ = sorted(_HOMES)

@@ -1,18 +1,20 @@
 """The recurrent estimator cell: a residual ReLU MLP whose input contains the shape at its own pose estimate.
 
-Paper, section II-D and figure 3; layer sizes from the paper's website. From the state s = (x̂, R̂, l) and the joint
-measurements z the cell predicts residuals (δl, δx, δr) and adds them: R̂ <- exp(δr) R̂. R̂_0 is given, x̂_0 and l_0 are
-learned. A second network predicts the two sigmas of the likelihood from l.
+Paper, section II-D and figure 3; layer sizes from the paper's website. From the state s = (x̂, R̂, l) and
+the joint measurements z the cell predicts residuals (δl, δx, δr) and adds them: R̂ <- exp(δr) R̂. R̂_0 is
+given, x̂_0 and l_0 are learned. A second network predicts the two sigmas of the likelihood from l.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
+from randomization import derive
 from tactile_kit.estimator import so3
 from tactile_kit.estimator.config import EstimatorConfig
 from tactile_kit.estimator.errors import EstimatorError
@@ -26,19 +28,20 @@ SAMPLES, JOINTS = 6, 12
 MEASUREMENTS = SAMPLES * 2 * JOINTS  # 144
 POSE = 9
 
-# Input scaling: fixed constants, because the estimator's data is known before the first roll-out and a running
-# normalisation would move the recurrence under its feet. Joints move some 0.3 rad around the mean grasp; a control
-# error of 0.2 rad saturates the torque; the object wanders a few centimetres, the size of most basis-point vectors.
+# Input scaling: fixed constants, because the sizes are known before the first roll-out and a running
+# normalisation would move the recurrence under its feet. Joints move some 0.3 rad around the mean grasp; a
+# control error of 0.2 rad saturates the torque; the object wanders a few centimetres, the size of most
+# basis-point vectors.
 JOINT_SCALE, ERROR_SCALE, LENGTH_SCALE = 0.3, 0.1, 0.03
-# Output scaling: what an object does in one step of 0.1 s (half a turn takes some 2.5 s). The last layer starts small,
-# so that an untrained cell is nearly still.
+# Output scaling: what an object does in one step of 0.1 s (half a turn takes some 2.5 s). The last layer
+# starts small, so that an untrained cell is nearly still.
 POSITION_STEP, ROTATION_STEP, OUTPUT_GAIN = 0.01, 0.1, 0.1
 
 
 def mlp(sizes: Sequence[int], gain: float = 1.0) -> nn.Sequential:
     """Linear layers with ReLU between them; the last one's initial weights are multiplied by ``gain``."""
     layers: list[nn.Module] = []
-    for index, (inputs, outputs) in enumerate(zip(sizes[:-1], sizes[1:], strict=True)):
+    for index, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
         layers.append(nn.Linear(inputs, outputs))
         if index < len(sizes) - 2:
             # He's initialisation: torch's default shrinks the signal by more than half in each ReLU layer
@@ -56,7 +59,7 @@ class EstimatorCell(nn.Module):
 
     Args:
         config: layer sizes and switches.
-        shape: the encoding's class or an instance of it; its sizes and learned layer are read, its meshes are not.
+        shape: the encoding's class or an instance of it: sizes and learned layer are read, meshes are not.
 
     Attributes:
         x0: ``(3,)`` learned x̂_0 in units of LENGTH_SCALE; latent0: ``(n,)`` learned l_0.
@@ -87,7 +90,7 @@ class EstimatorCell(nn.Module):
         return EstimatorState(x, R0.to(x.dtype), self.latent0.expand(count, -1))
 
     def encode(self, z: Tensor) -> Tensor:
-        """Measurement features: ``(..., 144)`` to ``(..., 32)``. Needs no state: a sequence can go at once."""
+        """Measurement features: ``(..., 144)`` to ``(..., 32)``. Needs no state: sequences can go whole."""
         if z.shape[-1] != MEASUREMENTS:
             raise EstimatorError(f"measurements have {z.shape[-1]} entries, allowed: {MEASUREMENTS}")
         return self.encoder((z - self.z_mean) / self.z_scale)
@@ -108,8 +111,8 @@ class EstimatorCell(nn.Module):
         """:meth:`forward` for measurements that :meth:`encode` has already seen."""
         parts = [features, state.latent]
         if self.observation_size:
-            pose = (state.x, state.R) if not self.config.stop_gradient else (state.x.detach(), state.R.detach())
-            shape = encoding(*pose, mesh)
+            seen = state.detach() if self.config.stop_gradient else state
+            shape = encoding(seen.x, seen.R, mesh)
             parts.append(shape if self.features is None else self.features(shape / LENGTH_SCALE))
         parts += [state.x, so3.to_6d(state.R)]
         residual = self.transition(torch.cat(parts, dim=-1) * self.input_scale)
@@ -119,7 +122,7 @@ class EstimatorCell(nn.Module):
         )
 
     def sigmas(self, state: EstimatorState) -> Tensor:
-        """Predicted σ_v (in ``config.distance_unit``) and σ_R (rad): ``(B, 2)``, above ``config.sigma_floor``."""
+        """Predicted σ_v (in ``config.distance_unit``) and σ_R (rad), above ``sigma_floor``: ``(B, 2)``."""
         return self.sigmas_of(state.latent)
 
     def sigmas_of(self, latent: Tensor) -> Tensor:
@@ -135,7 +138,7 @@ def _measurement_scaling() -> tuple[Tensor, Tensor]:
 
 
 def _input_scaling(config: EstimatorConfig, shape: Any) -> Tensor:
-    """Factors on the transition's inputs: lengths are divided by LENGTH_SCALE; features, latent, rotations are not.
+    """Factors on the transition's inputs: lengths are divided by LENGTH_SCALE, the rest is of order one.
 
     Encodings hold lengths, but for the rotation that pos_rot and mesh carry and for learned features.
     """
@@ -148,4 +151,12 @@ def _input_scaling(config: EstimatorConfig, shape: Any) -> Tensor:
 
 def _learned_layer(shape: Any) -> nn.Module | None:
     """``shape.features()``, also of a class: the layer doesn't depend on the meshes."""
-    return shape.features(None) if isinstance(shape, type) else shape.features()
+    layer = shape.features
+    return layer(None) if isinstance(shape, type) else layer()
+
+
+def new_cell(config: EstimatorConfig, shape: Any, seed: int) -> EstimatorCell:
+    """A cell with fresh weights from a stream of ``seed``; torch's global generator is left as it was."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(derive(seed, "estimator", "weights"))
+        return EstimatorCell(config, shape)

@@ -10,7 +10,7 @@ from tactile_kit.estimator.errors import EstimatorError
 
 PRESETS: dict[str, dict[str, object]] = {
     "paper": {},
-    # For two CPU cores: the same recurrence with a tenth of the weights, and minibatches of a few environments.
+    # For two CPU cores: the same recurrence with a tenth of the weights, and small minibatches.
     "small": {
         "encoder_hidden": (128, 128),
         "transition_hidden": (256, 256),
@@ -30,30 +30,33 @@ class EstimatorConfig(BaseModel):
 
     encoding: str | None = Field(
         default=None,
-        description="Shape encoding inside the recurrence: none for no shape, bps for distances only, null for the "
-        "policy's own.",
+        description="Shape encoding in the recurrence: none (no shape), bps (distances only) ...; null: the policy's.",
     )
     stop_gradient: bool = Field(
         default=False,
-        description="Cut the gradient through the encoding inside the recurrence (table II); the loss keeps its own.",
+        description="Cut the gradient through the encoding in the recurrence (table II); the loss keeps its own.",
     )
     features: int = Field(default=32, ge=1, description="Outputs of the measurement encoder.")
     latent: int = Field(default=32, ge=1, description="Size of the latent state l.")
-    encoder_hidden: tuple[PositiveInt, ...] = Field(default=(512,) * 4, description="Hidden layers of the encoder.")
-    transition_hidden: tuple[PositiveInt, ...] = Field(default=(512,) * 4, description="Hidden layers of the transition.")
-    sigma_hidden: tuple[PositiveInt, ...] = Field(default=(256,) * 4, description="Hidden layers of the sigma network.")
+    encoder_hidden: tuple[PositiveInt, ...] = Field(default=(512,) * 4, description="Hidden layers, encoder.")
+    transition_hidden: tuple[PositiveInt, ...] = Field(
+        default=(512,) * 4, description="Hidden layers, transition."
+    )
+    sigma_hidden: tuple[PositiveInt, ...] = Field(
+        default=(256,) * 4, description="Hidden layers, sigma network."
+    )
     learning_rate: float = Field(default=5e-4, gt=0, description="Adam's step size.")
     betas: tuple[float, float] = Field(default=(0.9, 0.99), description="Adam's averages.")
     weight_decay: float = Field(default=1e-5, ge=0, description="L2 penalty in Adam.")
     max_gradient_norm: float = Field(default=1.0, gt=0, description="Gradients are scaled down to this norm.")
     minibatch: int = Field(default=1024, ge=1, description="Sequences a gradient step.")
     distance_unit: float = Field(
-        default=0.01, gt=0, description="Metres. Shape distances enter the likelihood in this unit (open in the paper)."
+        default=0.01, gt=0, description="m, unit of shape distances in the likelihood (open in the paper)."
     )
     sigma_floor: float = Field(
         default=0.02,
         gt=0,
-        description="Least predicted sigma, in distance_unit and in rad (open in the paper): keeps the likelihood bounded.",
+        description="Least sigma, in distance_unit and rad; keeps the likelihood bounded (open in the paper).",
     )
 
     @classmethod
@@ -64,6 +67,8 @@ class EstimatorConfig(BaseModel):
         """
         if name not in PRESETS:
             close = difflib.get_close_matches(name, PRESETS, n=1)
-            hint = f"nearest valid name: {close[0]!r}" if close else f"valid names: {', '.join(sorted(PRESETS))}"
+            hint = (
+                f"nearest valid name: {close[0]!r}" if close else f"valid names: {', '.join(sorted(PRESETS))}"
+            )
             raise EstimatorError(f"estimator preset {name!r} is unknown; {hint}")
         return cls(**{**PRESETS[name], **changes})  # type: ignore[arg-type]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import torch
 from torch import Tensor
 
 from tactile_kit.estimator import so3
@@ -34,9 +33,9 @@ def estimator_loss(
         truth, estimate: basis-point distances ``(..., N_b)`` m at the true and at the estimated pose.
         R, R_hat: true and estimated orientation ``(..., 3, 3)``.
         sigmas: ``(..., 2)``: σ_v in ``unit``, σ_R in rad.
-        unit: m. d_v enters in this unit: with centimetres both terms, and both sigmas, are of the order of 0.1 to 1,
-            where metres would put σ_v two orders below σ_R at the output of one network. A unit only adds a constant
-            to the likelihood.
+        unit: m. d_v enters in this unit: with centimetres both terms, and both sigmas, are of the order of 0.1
+            to 1, where metres would put σ_v two orders below σ_R at the output of one network. A unit only adds
+            a constant to the likelihood.
 
     Returns:
         Negative log-likelihood ``(...)``, d_v ``(...)`` in ``unit``, angle ``(...)`` in rad.

@@ -45,7 +45,10 @@ def unroll(cell: EstimatorCell, sequences: Sequences, encoding: Encode) -> Unrol
 
 @dataclass(frozen=True)
 class Losses:
-    """Mean loss (with graph) and, over the updated states, mean d_v (in the config's unit), angle (rad), distance (m)."""
+    """Mean loss (with its graph) and means over the updated states.
+
+    shape: d_v in the config's unit; angle: rad; position: m; sigma: ``(2,)``, the unit and rad.
+    """
 
     loss: Tensor
     shape: Tensor
@@ -58,13 +61,14 @@ def sequence_loss(cell: EstimatorCell, sequences: Sequences, encoding: Encode, b
     """The paper's loss averaged over every state of the sequences: the initial ones and those after each update.
 
     Args:
-        encoding: the cell's; bps: distances ``(B, N_b)`` m whatever the cell sees, because the loss is about shape
-            even for an estimator without shape input (the mesh is known in training).
+        encoding: the cell's; bps: distances ``(B, N_b)`` m whatever the cell sees, because the loss is
+            about shape even for an estimator without shape input (the mesh is known in training).
     """
     run = unroll(cell, sequences, encoding)
     started = sequences.started
-    # A state after step t is the state before step t + 1, and its encoding has been computed there: only where an
-    # episode or the sequence ends is another needed. The stored first state is data, not output: it has no loss.
+    # A state after step t is the state before step t + 1, and its encoding has been computed there: only
+    # where an episode or the sequence ends is another needed. The stored first state is data, not output: it
+    # has no loss.
     counted = started.clone()
     counted[1:] = True
     ends = torch.ones_like(started)

@@ -18,7 +18,8 @@ class Sequences:
     z: ``(T, E, 144)`` rad, measured during the step; mesh: ``(T, E) int64``, the mesh given;
     started: ``(T, E) bool``, the step is the first of an episode: the state before is ``initial(R_before)``;
     x_before, x: ``(T, E, 3)`` m and R_before, R: ``(T, E, 3, 3)``, the true pose before and after the step;
-    state: what the estimator held before the first step (used where ``started[0]`` is not set), without a graph.
+    state: what the estimator held before the first step (used where ``started[0]`` is not set), without a
+    graph.
     """
 
     z: Tensor
@@ -59,7 +60,9 @@ class Sequences:
     def joined(parts: list[Sequences]) -> Sequences:
         """Environments of several batches of equal length side by side."""
         arrays = {name: torch.cat([getattr(part, name) for part in parts], dim=1) for name in _ARRAYS}
-        return Sequences(**arrays, state=EstimatorState(*map(torch.cat, zip(*(p.state for p in parts), strict=True))))
+        return Sequences(
+            **arrays, state=EstimatorState(*map(torch.cat, zip(*(p.state for p in parts), strict=True)))
+        )
 
     def tensors(self) -> dict[str, Tensor]:
         """Everything as named tensors, for saving."""

@@ -1,7 +1,7 @@
 """SO(3) in torch: exponential, logarithm, geodesic angle. Every gradient is finite, also at 0 and at pi.
 
-A ``torch.where`` alone doesn't protect a gradient (0 * inf = NaN in the branch not taken), so the dangerous argument
-is replaced before the square root or division: the "double where".
+A ``torch.where`` alone doesn't protect a gradient (0 * inf = NaN in the branch not taken), so the dangerous
+argument is replaced before the square root or division: the "double where".
 """
 
 from __future__ import annotations
@@ -55,8 +55,9 @@ def exp(vector: Tensor) -> Tensor:
 def geodesic(a: Tensor, b: Tensor) -> Tensor:
     """Angle between rotations, rad in [0, pi]: ``(..., 3, 3)`` twice (broadcast) to ``(...)``.
 
-    The paper's d(R̂, R). atan2 of sine and cosine keeps the digits at both ends, where the arc cosine of the trace
-    loses them. The gradient is the unit rotation axis; at exactly 0 and pi, where there is none, it is zero.
+    The paper's d(R̂, R). atan2 of sine and cosine keeps the digits at both ends, where the arc cosine of the
+    trace loses them. The gradient is the unit rotation axis; at exactly 0 and pi, where there is none, it is
+    zero.
     """
     difference = a @ b.transpose(-1, -2)
     cosine = 0.5 * (difference.diagonal(dim1=-2, dim2=-1).sum(-1) - 1.0)
@@ -81,7 +82,9 @@ def log(rotation: Tensor) -> Tensor:
     w, v = quaternion[..., 0], quaternion[..., 1:]
     sine = safe_norm(v)
     tiny = sine < 1e-6
-    factor = torch.where(tiny, 2.0 / w.clamp(min=0.5), 2.0 * torch.atan2(sine, w) / torch.where(tiny, 1.0, sine))
+    factor = torch.where(
+        tiny, 2.0 / w.clamp(min=0.5), 2.0 * torch.atan2(sine, w) / torch.where(tiny, 1.0, sine)
+    )
     return factor[..., None] * v
 
 

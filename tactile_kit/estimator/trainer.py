@@ -10,8 +10,8 @@ from torch import Tensor
 from randomization import stream
 from tactile_kit.estimator.cell import Encode, EstimatorCell
 from tactile_kit.estimator.errors import EstimatorError
-from tactile_kit.estimator.sequences import Sequences
 from tactile_kit.estimator.recurrence import sequence_loss
+from tactile_kit.estimator.sequences import Sequences
 
 _MOMENTS = ("exp_avg", "exp_avg_sq", "step")
 
@@ -44,7 +44,8 @@ class EstimatorTrainer:
 
         Returns means over the minibatches: ``loss``, ``shape_error`` (m), ``angle_error`` (rad),
         ``position_error`` (m), ``sigma_v`` (m), ``sigma_R`` (rad), ``gradient_norm`` (before clipping).
-        Raises EstimatorError if a loss or gradient is not finite; the weights are then as before that minibatch.
+        Raises EstimatorError if a loss or gradient is not finite; the weights are then as before that
+        minibatch.
         """
         pool = Sequences.joined(recent)
         totals = torch.zeros(7)
@@ -55,14 +56,22 @@ class EstimatorTrainer:
             totals += self._step(pool.columns(index))
             minibatches += 1
         self.iteration += 1
-        names = ("loss", "shape_error", "angle_error", "position_error", "sigma_v", "sigma_R", "gradient_norm")
+        names = (
+            "loss",
+            "shape_error",
+            "angle_error",
+            "position_error",
+            "sigma_v",
+            "sigma_R",
+            "gradient_norm",
+        )
         return dict(zip(names, (totals / minibatches).tolist(), strict=True))
 
     def _minibatches(self, count: int, visits: int) -> Iterator[Tensor]:
         rng = stream(self.seed, "estimator", "minibatches", self.iteration)
         passes = -(-visits // count)
         order = torch.cat([torch.from_numpy(rng.permutation(count)) for _ in range(passes)])[:visits]
-        # never larger than the pool, or passes would melt into one step; equal parts, so that none weighs more
+        # never larger than the pool, or passes would melt into one step; equal parts: none weighs more
         size = min(self.cell.config.minibatch, count)
         return iter(order.tensor_split(-(-visits // size)))
 
@@ -92,7 +101,9 @@ class EstimatorTrainer:
 
     def load_state_tensors(self, flat: dict[str, Tensor]) -> None:
         """Inverse of :meth:`state_tensors`. Raises EstimatorError if names or shapes don't fit the cell."""
-        weights = {name.removeprefix("cell."): value for name, value in flat.items() if name.startswith("cell.")}
+        weights = {
+            name.removeprefix("cell."): value for name, value in flat.items() if name.startswith("cell.")
+        }
         load_weights(self.cell, weights)
         self.optimizer.state.clear()
         for name, parameter in self.cell.named_parameters():

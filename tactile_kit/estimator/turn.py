@@ -1,7 +1,8 @@
 """R̂ <- exp(r) R̂ for a batch as one compiled, differentiable operation.
 
-Written with torch operations (see ``so3``, the twin in the tests) this small sum would be some forty kernel launches a
-step and half of the time of a training pass. The gradient is the closed form: with G the gradient of R' = exp(r) R,
+Written with torch operations (see ``so3``, the twin in the tests) this small sum would be some forty kernel
+launches a step and half of the time of a training pass. The gradient is the closed form: with G the gradient
+of R' = exp(r) R,
 
     dL/dR = exp(r)^T G,    dL/dr = J_l(r)^T sum_c R'_c x G_c   (columns c, left Jacobian J_l of SO(3)).
 """
@@ -21,8 +22,8 @@ from torch.autograd.function import once_differentiable
 def turned(R: Tensor, r: Tensor) -> Tensor:
     """exp(r) R, orthonormal: R ``(B, 3, 3)``, r ``(B, 3)`` rad, float32 or float64 on the CPU; same dtype out.
 
-    One Newton step removes the rounding that a hundred products would gather. Differentiable once; R's gradient has
-    meaning along rotations only.
+    One Newton step removes the rounding that a hundred products would gather. Differentiable once; R's
+    gradient has meaning along rotations only.
     """
     if torch.is_grad_enabled() and (R.requires_grad or r.requires_grad):
         return _Turn.apply(R, r)

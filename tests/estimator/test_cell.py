@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from estimator_cases import TINY, boxes, make, motion
 from pydantic import ValidationError
 
 from tactile_kit.estimator import EstimatorCell, EstimatorConfig, EstimatorError, Sequences
 from tactile_kit.estimator.recurrence import sequence_loss, unroll
 from tactile_kit.shape import ENCODINGS
-from tests.estimator.problems import TINY, boxes, make, motion
 
 
 def test_paper_sizes() -> None:
@@ -18,9 +18,13 @@ def test_paper_sizes() -> None:
     widths = [layer.in_features for layer in cell.transition if isinstance(layer, torch.nn.Linear)]
     assert widths == [265, 512, 512, 512, 512]
     assert cell.transition[-1].out_features == 38
-    assert [layer.in_features for layer in cell.encoder if isinstance(layer, torch.nn.Linear)] == [144] + [512] * 4
+    assert [layer.in_features for layer in cell.encoder if isinstance(layer, torch.nn.Linear)] == [144] + [
+        512
+    ] * 4
     assert cell.encoder[-1].out_features == 32
-    assert [layer.in_features for layer in cell.sigma_net if isinstance(layer, torch.nn.Linear)] == [32] + [256] * 4
+    assert [layer.in_features for layer in cell.sigma_net if isinstance(layer, torch.nn.Linear)] == [32] + [
+        256
+    ] * 4
     config = cell.config
     assert (config.learning_rate, config.betas, config.weight_decay) == (5e-4, (0.9, 0.99), 1e-5)
     assert (config.minibatch, config.max_gradient_norm) == (1024, 1.0)
@@ -41,7 +45,9 @@ def test_every_encoding_fits_into_the_recurrence(name: str) -> None:
     data = motion(np.random.default_rng(0), 4, 5, TINY.latent, restarts=0.3)
     losses = sequence_loss(cell, data, shape, bps)
     losses.loss.backward()
-    missing = [key for key, value in cell.named_parameters() if value.grad is None or not value.grad.isfinite().all()]
+    missing = [
+        key for key, value in cell.named_parameters() if value.grad is None or not value.grad.isfinite().all()
+    ]
     assert not missing
     # a class does as well as an instance: weights are loaded before any mesh is known
     assert EstimatorCell(cell.config, ENCODINGS[name]).state_dict().keys() == cell.state_dict().keys()
@@ -62,7 +68,7 @@ def test_initial_state_is_given_rotation_and_learned_rest() -> None:
 def test_wrong_measurements_are_refused() -> None:
     cell, shape, _ = make()
     state = cell.initial(torch.eye(3).repeat(2, 1, 1))
-    with pytest.raises(EstimatorError, match="143.*144"):
+    with pytest.raises(EstimatorError, match=r"143.*144"):
         cell(state, torch.zeros(2, 143), shape, torch.zeros(2, dtype=torch.int64))
 
 
@@ -75,7 +81,9 @@ def test_rotation_stays_orthonormal() -> None:
         moved = 0.0
         for _ in range(300):
             before = state.R
-            state = cell(state, torch.randn(8, 144, generator=generator), shape, torch.zeros(8, dtype=torch.int64))
+            state = cell(
+                state, torch.randn(8, 144, generator=generator), shape, torch.zeros(8, dtype=torch.int64)
+            )
             state = state._replace(x=state.x.clamp(-0.1, 0.1), latent=state.latent.clamp(-3, 3))
             moved += float((state.R - before).norm())
     assert moved > 100
@@ -130,7 +138,9 @@ def test_a_restart_equals_two_sequences(name: str) -> None:
     total = sequence_loss(cell, _with(data, started=started), shape, bps).loss
     torch.testing.assert_close(total, (5 * losses[0] + 6 * losses[1]) / 11)
     # and nothing of the first part's past leaks over the restart
-    gradient = torch.autograd.grad(whole.after.R[start:, :, :, 0].sum() + whole.after.x[start:].sum(), cell.x0)[0]
+    gradient = torch.autograd.grad(
+        whole.after.R[start:, :, :, 0].sum() + whole.after.x[start:].sum(), cell.x0
+    )[0]
     alone = torch.autograd.grad(parts[1].after.R[:, :, :, 0].sum() + parts[1].after.x.sum(), cell.x0)[0]
     torch.testing.assert_close(gradient, alone)
 
@@ -191,5 +201,7 @@ def _steps(data: Sequences, index: slice) -> Sequences:
 
 
 def _double(data: Sequences) -> Sequences:
-    parts = {name: value.double() if value.is_floating_point() else value for name, value in data.tensors().items()}
+    parts = {
+        name: value.double() if value.is_floating_point() else value for name, value in data.tensors().items()
+    }
     return Sequences.from_tensors(parts)

@@ -33,7 +33,9 @@ def make(config: EstimatorConfig = TINY, table: MeshTable | None = None, seed: i
     return EstimatorCell(config, shape).to(dtype), shape, encoding("bps", table)
 
 
-def motion(rng: np.random.Generator, steps: int, count: int, latent: int, restarts: float = 0.0, noise: float = 0.01):
+def motion(
+    rng: np.random.Generator, steps: int, count: int, latent: int, restarts: float = 0.0, noise: float = 0.01
+):
     """Objects that turn and wander, and measurements in which their motion of this step hides.
 
     The twist of each step (rotation vector and translation) goes through a fixed mixing matrix into the 144
