@@ -13,6 +13,7 @@ stiffness term is stable as long as dt² K stays below the inertia, which the dr
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numba
@@ -46,6 +47,7 @@ def _finger_blocks(matrix: Array) -> Array:
     return np.stack([matrix[4 * f : 4 * f + 4, 4 * f : 4 * f + 4] for f in range(kinematics.FINGERS)])
 
 
+@functools.cache
 def controller_mass_matrix() -> Array:
     """Mass matrix a finger at the mean grasp, ``(4, 4, 4)`` kg m², with what the URDF adds for the drives."""
     blocks = _finger_blocks(kinematics.mass_matrix(kinematics.MEAN_GRASP))
@@ -55,6 +57,7 @@ def controller_mass_matrix() -> Array:
     return blocks
 
 
+@functools.cache
 def gravity_torques(gravity: float) -> Array:
     """Torques ``(16,)`` Nm that carry the fingers' weight at the mean grasp, for ``gravity`` in m/s²."""
     frames = kinematics.link_frames(kinematics.MEAN_GRASP)
