@@ -35,8 +35,9 @@ terms:
   force: {distribution: direction, magnitude: {distribution: uniform, low: 0, high: 0.1}}
 ```
 
-`randomization.preset("own.yaml")` loads it. Distributions: `constant` (value), `uniform` and `log_uniform` (low, high), `normal` (mean, std),
-`bernoulli` (probability), `direction` (magnitude; a number or a distribution).
+`randomization.preset("own.yaml")` loads it. Distributions: `constant` (value), `uniform` and `log_uniform`
+(low, high), `normal` (mean, std), `bernoulli` (probability), `direction` (magnitude; a number or a
+distribution).
 """
 
 
