@@ -1,0 +1,237 @@
+"""The settings of one training run: one frozen tree, filled by YAML presets and changes to single values."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+from pydantic import Field, PositiveFloat, PositiveInt, ValidationError, model_validator
+
+from randomization import GravitySchedule
+from tactile_kit.agents.config import PPOConfig, SACConfig, Settings
+from tactile_kit.ecrl.config import ECRLConfig
+from tactile_kit.estimator.config import EstimatorConfig
+from tactile_kit.runs.errors import ConfigError
+from tactile_kit.task.config import TaskConfig
+
+
+class GravityConfig(Settings):
+    """Gravity curriculum: a straight line over ``steps`` environment steps, then constant."""
+
+    start: float = Field(9.81, gt=0, le=20, description="m/s^2 at step 0.")
+    end: float = Field(9.81, gt=0, le=20, description="m/s^2 from ``steps`` on.")
+    steps: int = Field(0, ge=0)
+
+    def at(self, step: int) -> float:
+        """Gravity (m/s^2) after ``step`` steps, in a hundred stairs so that it changes rarely."""
+        stair = max(self.steps // 100, 1)
+        return GravitySchedule(self.start, self.end, self.steps).at(step - step % stair)
+
+
+class EvaluationConfig(Settings):
+    """Held-out evaluation while training: octahedral goals, evaluation seeds, full gravity."""
+
+    minutes: float = Field(30.0, ge=0, description="Between evaluations; 0: none.")
+    at_end: bool = Field(False, description="Evaluate the finished agent too.")
+    objects: str | None = Field(None, description="Object set; None: the training objects.")
+    episodes_per_goal: PositiveInt = 1
+    num_envs: PositiveInt = 32
+
+
+class CheckpointConfig(Settings):
+    """When to save what."""
+
+    minutes: PositiveFloat = Field(10.0, description="At most this long between checkpoints.")
+    steps: int = Field(0, ge=0, description="Also every so many environment steps; 0: by time alone.")
+    keep: PositiveInt = 2
+    replay: bool = Field(True, description="Save the replay memory too (about 3 kB a transition).")
+
+
+class RunConfig(Settings):
+    """Everything a training run depends on.
+
+    ``encoding``, ``objects``, ``scaling`` and ``randomization`` may be given at the top level for short; they are the
+    task's.
+    """
+
+    kind: Literal["oracle", "tactile"] = "oracle"
+    algorithm: Literal["ppo", "sac"] = "sac"
+    seed: int = Field(0, ge=0)
+    steps: PositiveInt = Field(1_000_000, description="Environment steps, summed over all environments.")
+    num_envs: PositiveInt = 32
+    num_workers: PositiveInt = 1
+    threads: PositiveInt = Field(1, description="Torch threads of the learner.")
+    matmul_precision: Literal["highest", "high", "medium"] = "medium"
+    start_at_grasp: bool = Field(True, description="An untrained policy commands the mean grasp, not mid-range.")
+    log_every: PositiveInt = Field(10_000, description="Environment steps between lines of metrics.jsonl.")
+    warm_start: str | None = Field(None, description="Agent directory whose weights to start from.")
+    task: TaskConfig = TaskConfig()
+    ppo: PPOConfig = PPOConfig.preset("small")
+    sac: SACConfig = SACConfig.preset("small")
+    estimator: EstimatorConfig = EstimatorConfig.preset("small")
+    ecrl: ECRLConfig = ECRLConfig()
+    gravity: GravityConfig = GravityConfig()
+    evaluation: EvaluationConfig = EvaluationConfig()
+    checkpoint: CheckpointConfig = CheckpointConfig()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _shorthand(cls, data: Any) -> Any:
+        return _lift(data) if isinstance(data, Mapping) else data
+
+    @property
+    def encoding(self) -> str:
+        return self.task.encoding
+
+    @property
+    def objects(self) -> str:
+        return self.task.objects
+
+    @property
+    def name(self) -> str:
+        """The run's customary directory name, ``oracle-vec_bps-geometric8-s0``."""
+        return f"{self.kind}-{self.encoding}-{self.objects.replace(',', '+')}-s{self.seed}"
+
+    @classmethod
+    def preset(cls, name: str, changes: Mapping[str, Any] | None = None) -> RunConfig:
+        """A preset by name, with changes as :meth:`build` takes them. Raises ConfigError."""
+        files = presets()
+        if name not in files:
+            raise ConfigError(f"preset {name!r} unknown{_nearest(name, list(files))}")
+        return cls.build(_read_yaml(files[name]), changes, name)
+
+    @classmethod
+    def from_yaml(cls, path: str | Path, changes: Mapping[str, Any] | None = None) -> RunConfig:
+        """Settings from a YAML file; a ``preset`` key in it names what they change. Raises ConfigError."""
+        path = Path(path)
+        data = _read_yaml(path)
+        base = data.pop("preset", None)
+        if base is not None:
+            files = presets()
+            if base not in files:
+                raise ConfigError(f"{path}: preset {base!r} unknown{_nearest(str(base), list(files))}")
+            data = merge(_read_yaml(files[base]), data)
+        return cls.build(data, changes, str(path))
+
+    @classmethod
+    def build(
+        cls, data: Mapping[str, Any], changes: Mapping[str, Any] | None = None, source: str = "settings"
+    ) -> RunConfig:
+        """Nested ``data``, then ``changes`` whose keys may be dotted (``{"task.objects": "cube"}``)."""
+        try:
+            tree = merge(cls().model_dump(), _lift(data))  # so that part of a nested default may be given
+            for key, value in (changes or {}).items():
+                nested: Any = value
+                for part in reversed(key.split(".")):
+                    nested = {part: nested}
+                tree = merge(tree, _lift(nested))
+            return cls(**tree)
+        except ValidationError as problem:
+            raise ConfigError(f"{source}: " + "; ".join(_explain(cls, error) for error in problem.errors())) from None
+        except (TypeError, ValueError) as problem:
+            raise ConfigError(f"{source}: {problem}") from None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, every value resolved."""
+        return self.model_dump(mode="json")
+
+    def to_yaml(self) -> str:
+        """The resolved settings as config.yaml holds them."""
+        return yaml.safe_dump(self.to_dict(), sort_keys=False)
+
+
+_SHORTHAND = ("encoding", "objects", "scaling", "randomization")
+
+
+def _lift(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Move the task's settings given at the top level into ``task``; raises ValueError where both differ."""
+    data = dict(data)
+    short = {name: data.pop(name) for name in _SHORTHAND if name in data}
+    if short:
+        task = data.get("task", {})
+        task = task.model_dump(exclude_unset=True) if isinstance(task, TaskConfig) else dict(task)
+        for name, value in short.items():
+            if name in task and task[name] != value:
+                raise ValueError(f"{name} is {value!r} at the top level and {task[name]!r} in task")
+        data["task"] = {**task, **short}
+    return data
+
+
+def presets() -> dict[str, Path]:
+    """Names and files of the presets shipped with the package."""
+    folder = Path(str(resources.files("tactile_kit.runs"))) / "presets"
+    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+
+
+def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested mappings, ``over`` winning."""
+    merged = dict(base)
+    for key, value in over.items():
+        both = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
+        merged[key] = merge(merged[key], value) if both else value
+    return merged
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise ConfigError(f"{path}: {problem.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as problem:
+        raise ConfigError(f"{path}: not plain YAML: {problem}") from None
+    if data is None:
+        return {}
+    if not isinstance(data, dict):
+        raise ConfigError(f"{path}: holds {type(data).__name__}, expected keys and values")
+    return data
+
+
+def _explain(cls: type[Settings], error: Any) -> str:
+    place = [str(part) for part in error["loc"]]
+    text = f"{'.'.join(place)}: {error['msg']}"
+    if error["type"] == "extra_forbidden":
+        model: Any = cls
+        for part in place[:-1]:
+            model = getattr(model.model_fields.get(part), "annotation", None)
+            if model is None or not hasattr(model, "model_fields"):
+                return f"{'.'.join(place)}: unknown"
+        names = list(model.model_fields) + (list(_SHORTHAND) if model is RunConfig else [])
+        return f"{'.'.join(place)}: unknown{_nearest(place[-1], names)}"
+    return f"{text} (given: {error['input']!r})" if not isinstance(error.get("input"), Mapping) else text
+
+
+def _nearest(name: str, names: list[str]) -> str:
+    close = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
+    return f"; nearest: {close[0]!r}" if close else f"; allowed: {', '.join(sorted(names))}"
+
+
+GROWS = ("steps",)
+FREE = ("evaluation.", "checkpoint.", "num_workers")  # results do not depend on these
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
+    """Lines ``key: old -> new`` for every difference that forbids resuming: steps may grow, ``FREE`` may change."""
+    before, after = _flatten(old), _flatten(new)
+    lines = []
+    for key in sorted(before.keys() | after.keys()):
+        a, b = before.get(key, "(absent)"), after.get(key, "(absent)")
+        if a == b or key.startswith(FREE):
+            continue
+        if key in GROWS and isinstance(a, int) and isinstance(b, int) and b >= a:
+            continue
+        lines.append(f"{key}: {a!r} -> {b!r}")
+    return lines
+
+
+def _flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in tree.items():
+        if isinstance(value, Mapping) and value:
+            flat.update(_flatten(value, f"{prefix}{key}."))
+        else:
+            flat[prefix + key] = list(value) if isinstance(value, tuple) else value
+    return flat

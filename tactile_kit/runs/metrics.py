@@ -1,0 +1,134 @@
+"""What a run reports while it trains: smoothed episode statistics, metrics.jsonl and TensorBoard."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.callbacks import BaseCallback
+
+from tactile_kit.agents.files import write_atomically
+
+WINDOW = 500  # episodes that the smoothed figures run over
+
+
+class Tracker(BaseCallback):
+    """Collects finished episodes and reward terms from the environment's infos and transitions.
+
+    ``stop`` set by anyone ends the roll-out in progress at the next step.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.episodes = 0
+        self.window: dict[str, deque[float]] = {
+            name: deque(maxlen=WINDOW) for name in ("success", "theta", "drop", "fault", "return", "length")
+        }
+        self._terms: dict[str, float] = {}
+        self._term_steps = 0
+
+    def _on_step(self) -> bool:
+        for info in self.locals["infos"]:
+            if "episode" in info:
+                self.episodes += 1
+                self._add(info)
+        transition = self.locals["env"].transition
+        for name, values in transition.reward_terms.items():
+            self._terms[name] = self._terms.get(name, 0.0) + float(np.mean(values))
+        self._term_steps += 1
+        return True
+
+    def _add(self, info: dict[str, Any]) -> None:
+        self.window["success"].append(float(info["success"]))
+        self.window["drop"].append(float(info["drop"]))
+        self.window["fault"].append(float(info.get("fault") is not None))
+        self.window["return"].append(float(info["episode"]["r"]))
+        self.window["length"].append(float(info["episode"]["l"]))
+        theta = info.get("theta")
+        if theta is not None and math.isfinite(theta):  # a fault has no final angle
+            self.window["theta"].append(float(theta))
+
+    def metrics(self) -> dict[str, Any]:
+        """Means over the last episodes (None before the first) and of reward terms a step since the last call."""
+
+        def mean(name: str) -> float | None:
+            return float(np.mean(self.window[name])) if self.window[name] else None
+
+        line: dict[str, Any] = {
+            "success": mean("success"),
+            "theta": mean("theta"),
+            "drops": mean("drop"),
+            "faults": mean("fault"),
+            "reward": mean("return"),
+            "length": mean("length"),
+            "episodes": self.episodes,
+        }
+        line |= {f"reward_{name}": total / self._term_steps for name, total in self._terms.items()}
+        self._terms, self._term_steps = {}, 0
+        return line
+
+    def state(self) -> dict[str, Any]:
+        """JSON values for a checkpoint."""
+        windows = {name: list(values) for name, values in self.window.items()}
+        return {"episodes": self.episodes, "window": windows, "terms": self._terms, "term_steps": self._term_steps}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Inverse of :meth:`state`."""
+        self.episodes = state["episodes"]
+        for name, values in state["window"].items():
+            self.window[name] = deque(values, maxlen=WINDOW)
+        self._terms, self._term_steps = dict(state["terms"]), state["term_steps"]
+
+
+class MetricsFile:
+    """metrics.jsonl, one JSON object a line, and the same numbers for TensorBoard.
+
+    Args:
+        directory: the run directory.
+        step: environment steps of the checkpoint resumed from (0 for a fresh run): later lines are dropped.
+    """
+
+    def __init__(self, directory: Path, step: int = 0) -> None:
+        from torch.utils.tensorboard import SummaryWriter
+
+        self.path = directory / "metrics.jsonl"
+        if self.path.exists():
+            kept = [line for line in self.path.read_bytes().splitlines() if _step_of(line) <= step]
+            write_atomically(self.path, b"".join(line + b"\n" for line in kept) if step else b"")
+        self._file = self.path.open("a", encoding="utf-8")
+        self._board = SummaryWriter(str(directory / "tensorboard"), purge_step=step or None)
+
+    def write(self, line: dict[str, Any]) -> None:
+        """Append a line; numbers that are not finite raise ValueError."""
+        self._file.write(json.dumps(line, allow_nan=False) + "\n")
+        self._file.flush()
+        group = "evaluation" if line.get("evaluation") else "training"
+        for name, value in line.items():
+            if isinstance(value, (int, float)) and not isinstance(value, bool) and name != "step":
+                self._board.add_scalar(f"{group}/{name}", value, line["step"])
+        self._board.flush()
+
+    def close(self) -> None:
+        self._file.close()
+        self._board.close()
+
+
+def read_metrics(directory: str | Path) -> list[dict[str, Any]]:
+    """The lines of a run's metrics.jsonl; a line cut short by a kill is left out."""
+    path = Path(directory) / "metrics.jsonl"
+    lines = []
+    for line in path.read_bytes().splitlines():
+        if math.isfinite(_step_of(line)):
+            lines.append(json.loads(line))
+    return lines
+
+
+def _step_of(line: bytes) -> float:
+    try:
+        return float(json.loads(line)["step"])
+    except (ValueError, KeyError, TypeError):
+        return math.inf  # cut short

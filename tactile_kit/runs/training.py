@@ -1,0 +1,378 @@
+"""Training runs that survive being stopped: one directory, resumed from its newest checkpoint."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from randomization import derive
+from tactile_kit.agents.files import json_bytes, read_json, write_atomically
+from tactile_kit.agents.state import pack, unpack
+from tactile_kit.runs import checkpoint as checkpoints
+from tactile_kit.runs.config import RunConfig, differences
+from tactile_kit.runs.directory import hardware, locked, revision, versions
+from tactile_kit.runs.errors import CheckpointError, ConfigError
+from tactile_kit.runs.export import export_agent
+from tactile_kit.runs.metrics import MetricsFile, Tracker
+from tactile_kit.runs.progress import Progress
+
+EnvFactory = Callable[[RunConfig], Any]
+
+
+@dataclass
+class Run:
+    """A run in progress: what is saved, beside learner and environment."""
+
+    config: RunConfig
+    directory: Path
+    learner: Any
+    env: Any
+    tracker: Tracker = field(default_factory=Tracker)
+    hours: float = 0.0  # trained before this process
+    warm_start: dict[str, Any] | None = None
+    evaluation: dict[str, Any] | None = None  # the last held-out one
+    line: dict[str, Any] = field(default_factory=dict)  # the last line of metrics
+    logged: int = 0  # environment steps at that line
+    gravity: float | None = None  # last told to the environment
+
+    def save(self) -> None:
+        """A checkpoint of everything, then the exported agent. Raises OSError."""
+        tensors, values = self.learner.state()
+        body: dict[str, Any] = {
+            "learner": values,
+            "tracker": self.tracker.state(),
+            "config": self.config.to_dict(),
+            "versions": versions(),
+            "hours": self.hours,
+            "warm_start": self.warm_start,
+            "evaluation": self.evaluation,
+            "line": self.line,
+            "logged": self.logged,
+            "torch_rng": torch.get_rng_state().tolist(),
+        }
+        tensors = {f"learner/{name}": tensor for name, tensor in tensors.items()}
+        if hasattr(self.env, "get_state"):
+            arrays, body["env"] = _split(self.env.get_state())
+            tensors |= pack("env", {name: torch.from_numpy(array) for name, array in arrays.items()})
+        settings = self.config.checkpoint
+        memory = getattr(self.learner, "replay_buffer", None)
+        replay = memory.arrays() if memory is not None and settings.replay else None
+        folder = self.directory / "checkpoints"
+        checkpoints.save(folder, self.learner.num_timesteps, tensors, body, replay, settings.keep)
+        self.export()
+
+    def export(self) -> None:
+        """The agent as it is now."""
+        export_agent(
+            self.directory,
+            self.config,
+            self.learner,
+            hours=self.hours,
+            training=self.line,
+            evaluation=self.evaluation,
+            warm_start=self.warm_start,
+        )
+
+    def restore(self, saved: checkpoints.Checkpoint) -> None:
+        """Take up the state of a checkpoint. Raises CheckpointError when it does not fit."""
+        values = saved.values
+        try:
+            self.learner.restore(unpack("learner", saved.tensors), values["learner"])
+            self.tracker.restore(values["tracker"])
+            memory = getattr(self.learner, "replay_buffer", None)
+            if memory is not None:
+                arrays = saved.replay_arrays()
+                if arrays is not None:
+                    memory.restore(arrays)
+            if "env" in values and hasattr(self.env, "set_state"):
+                arrays = {name: tensor.numpy() for name, tensor in unpack("env", saved.tensors).items()}
+                self.env.set_state({**arrays, **values["env"]})
+        except (KeyError, ValueError, RuntimeError) as problem:
+            raise CheckpointError(f"{saved.path}: does not fit this run: {problem}") from problem
+        torch.set_rng_state(torch.tensor(values["torch_rng"], dtype=torch.uint8))
+        self.hours, self.warm_start, self.evaluation = values["hours"], values["warm_start"], values["evaluation"]
+        self.line, self.logged = values["line"], values["logged"]
+
+    def apply_gravity(self) -> None:
+        """Gravity of the curriculum at the present step, for the episodes to come."""
+        wanted = self.config.gravity.at(self.learner.num_timesteps)
+        if wanted != self.gravity:
+            self.gravity = wanted
+            self.env.set_gravity(wanted)
+
+    def begin_episodes(self) -> None:
+        """Start all environments afresh.
+
+        A physics engine's inner state cannot be saved, so every checkpoint is a boundary between episodes, for the run
+        that goes on as for one that resumes: both continue with the same episodes.
+        """
+        self.apply_gravity()
+        learner = self.learner
+        learner._last_obs = self.env.reset()
+        learner._last_episode_starts = np.ones(self.env.num_envs, dtype=bool)
+        memory = getattr(learner, "replay_buffer", None)
+        if memory is not None:
+            memory.end_episodes()
+
+
+def train(
+    config: RunConfig,
+    directory: str | Path,
+    resume: bool = True,
+    *,
+    make_env: EnvFactory | None = None,
+    quiet: bool = False,
+) -> Path:
+    """Train an agent in ``directory``; a directory that holds a run of the same settings is continued.
+
+    Args:
+        config: all settings.
+        directory: the run directory, made when missing; it becomes the agent's directory.
+        resume: continue from the newest checkpoint. False: refuse a directory that has one.
+        make_env: builds the environment from the settings, for tasks of one's own.
+        quiet: no progress on stderr.
+
+    Returns:
+        The directory. SIGTERM and SIGINT save a checkpoint and return early (``finished`` tells); a second one
+        interrupts at once.
+
+    Raises:
+        LockedError: another process works on the directory. ConfigError: it holds a run of other settings or versions,
+        with a readable difference. CheckpointError: all its checkpoints are damaged. FloatingPointError: it diverged.
+    """
+    directory = Path(directory)
+    directory.mkdir(parents=True, exist_ok=True)
+    with locked(directory):
+        saved, messages = checkpoints.newest(directory / "checkpoints")
+        if saved is not None:
+            _check_resume(config, saved, directory, resume)
+        torch.set_num_threads(config.threads)
+        torch.set_float32_matmul_precision(config.matmul_precision)
+        torch.manual_seed(derive(config.seed, "learner", "default"))  # nothing should draw from it, but then it repeats
+        write_atomically(directory / "config.yaml", config.to_yaml().encode())
+        _write_record(directory, resumed=saved)
+        progress = Progress(config.steps, saved.step if saved else 0, directory.name, quiet)
+        for message in messages:
+            progress.say(message)
+        env = (make_env or default_env)(config)
+        try:
+            run = Run(config, directory, make_learner(config, env), env)
+            if saved is not None:
+                run.restore(saved)
+                if saved.replay is None and config.algorithm == "sac":
+                    progress.say("the checkpoint holds no replay memory: collecting anew, not an exact continuation")
+            elif config.warm_start:
+                from tactile_kit.agents.warm_start import warm_start
+
+                run.warm_start = warm_start(run.learner, config.warm_start, config.encoding)
+            del saved
+            metrics = MetricsFile(directory, run.learner.num_timesteps)
+            try:
+                _loop(run, metrics, progress)
+            finally:
+                metrics.close()
+        finally:
+            progress.close()
+            env.close()
+    return directory
+
+
+def finished(directory: str | Path) -> bool:
+    """Whether a run has reached the steps of its own config.yaml."""
+    directory = Path(directory)
+    if not (directory / "agent.json").exists() or not (directory / "config.yaml").exists():
+        return False
+    config = RunConfig.from_yaml(directory / "config.yaml")
+    return int(read_json(directory / "agent.json")["steps"]) >= config.steps
+
+
+def default_env(config: RunConfig) -> Any:
+    """The training environment of the run's kind."""
+    seed = derive(config.seed, "training")
+    if config.kind == "oracle":
+        from tactile_kit.task.vec_env import ReorientVecEnv
+
+        return ReorientVecEnv(config.task, num_envs=config.num_envs, num_workers=config.num_workers, seed=seed)
+    from tactile_kit.ecrl import TactileVecEnv
+
+    return TactileVecEnv(
+        config.task,
+        num_envs=config.num_envs,
+        num_workers=config.num_workers,
+        seed=seed,
+        estimator=config.estimator,
+        ecrl=config.ecrl,
+    )
+
+
+def make_learner(config: RunConfig, env: Any) -> Any:
+    """The learner of the run's algorithm."""
+    rest = rest_action(env) if config.start_at_grasp else None
+    if config.algorithm == "ppo":
+        from tactile_kit.agents.ppo import PPO
+
+        return PPO(env, config.ppo, seed=config.seed, rest=rest)
+    from tactile_kit.agents.sac import SAC
+
+    return SAC(env, config.sac, seed=config.seed, rest=rest)
+
+
+def rest_action(env: Any) -> tuple[float, ...] | None:
+    """The action that commands the mean grasp, if the environment's actions are absolute joint angles."""
+    if getattr(env.config, "action", None) != "absolute":
+        return None
+    from tactile_kit.hand.kinematics import JOINT_LOWER, JOINT_UPPER, MEAN_GRASP
+
+    middle, half = (JOINT_UPPER + JOINT_LOWER) / 2, (JOINT_UPPER - JOINT_LOWER) / 2
+    return tuple(float(value) for value in (MEAN_GRASP - middle) / half)
+
+
+def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
+    config, learner = run.config, run.learner
+    before = run.hours
+    begin = time.monotonic()
+    pause = 0.0  # seconds of evaluation
+    run.begin_episodes()
+    learner._setup_learn(config.steps, run.tracker, reset_num_timesteps=False)
+    last_save, last_save_step = time.monotonic(), learner.num_timesteps
+    last_evaluation = time.monotonic()
+    line_time, line_step = time.monotonic(), learner.num_timesteps
+    with _signals() as stop:
+        while learner.num_timesteps < config.steps and not stop.is_set():
+            run.apply_gravity()
+            learner.iterate(run.tracker)
+            run.hours = before + (time.monotonic() - begin - pause) / 3600
+            step, now = learner.num_timesteps, time.monotonic()
+            if step - run.logged >= config.log_every or step >= config.steps:
+                rate = (step - line_step) / max(now - line_time, 1e-9)
+                run.line = _line(run, rate)
+                run.logged = step
+                metrics.write(run.line)
+                line_time, line_step = now, step
+                progress.update(step, run.line)
+            else:
+                progress.update(step)
+            limits = config.checkpoint
+            due = now - last_save >= limits.minutes * 60 or 0 < limits.steps <= step - last_save_step
+            if due and step < config.steps:
+                try:
+                    run.save()
+                except OSError as problem:
+                    progress.say(f"could not save a checkpoint ({problem}); the one before stays")
+                run.begin_episodes()
+                last_save, last_save_step = time.monotonic(), step
+            minutes = config.evaluation.minutes
+            if minutes and now - last_evaluation >= minutes * 60 and step < config.steps:
+                pause += _evaluate(run, metrics, progress)
+                last_evaluation = time.monotonic()
+        if learner.num_timesteps > last_save_step or not (run.directory / "agent.json").exists():
+            run.save()
+        if stop.is_set():
+            progress.say(f"stopped at {learner.num_timesteps:,} steps; run again to continue")
+        elif config.evaluation.at_end:
+            _evaluate(run, metrics, progress)
+            run.export()
+
+
+def _line(run: Run, rate: float) -> dict[str, Any]:
+    line = {"step": run.learner.num_timesteps, "hours": round(run.hours, 5), **run.tracker.metrics()}
+    line |= {"steps_per_second": round(rate, 1), "gravity": run.gravity}
+    if hasattr(run.env, "metrics"):
+        line |= run.env.metrics()
+    return line | run.learner.metrics()
+
+
+def _evaluate(run: Run, metrics: MetricsFile, progress: Progress) -> float:
+    """Held-out evaluation of the agent as it is now; returns the seconds it took."""
+    from tactile_kit.agents.agent import load_agent
+    from tactile_kit.evaluation import evaluate
+
+    settings, begin = run.config.evaluation, time.monotonic()
+    run.export()
+    rows = evaluate(
+        load_agent(run.directory),
+        objects=settings.objects or run.config.objects,
+        goals="octahedral",
+        episodes_per_goal=settings.episodes_per_goal,
+        seed=run.config.seed,
+        num_envs=settings.num_envs,
+        num_workers=run.config.num_workers,
+    )
+    successes = sum(bool(row.success) for row in rows)
+    angles = [row.theta for row in rows if row.theta is not None]
+    run.evaluation = {
+        "step": run.learner.num_timesteps,
+        "hours": round(run.hours, 5),
+        "evaluation": True,
+        "success_rate": successes / len(rows),
+        "episodes": len(rows),
+        "drops": sum(bool(row.drop) for row in rows) / len(rows),
+        "theta": float(np.mean(angles)) if angles else None,
+    }
+    metrics.write(run.evaluation)
+    progress.say(f"evaluation: success rate {successes / len(rows):.3f} over {len(rows)} episodes")
+    return time.monotonic() - begin
+
+
+def _check_resume(config: RunConfig, saved: checkpoints.Checkpoint, directory: Path, resume: bool) -> None:
+    if not resume:
+        raise ConfigError(f"{directory}: holds a run at {saved.step:,} steps; resume it or choose another directory")
+    lines = differences(saved.values["config"], config.to_dict())
+    found = versions()
+    lines += [
+        f"version of {name}: {old} -> {found.get(name, 'absent')}"
+        for name, old in saved.values["versions"].items()
+        if found.get(name) != old
+    ]
+    if lines:
+        raise ConfigError(f"{directory}: holds a run of other settings:\n  " + "\n  ".join(lines))
+
+
+def _write_record(directory: Path, resumed: checkpoints.Checkpoint | None) -> None:
+    """run.json: every start of the run, with hardware, versions and code revision."""
+    path = directory / "run.json"
+    starts = read_json(path)["starts"] if path.exists() else []
+    start = {
+        "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "from_step": resumed.step if resumed else 0,
+        "hardware": hardware(),
+        "versions": versions(),
+        "git": revision(),
+    }
+    write_atomically(path, json_bytes({"starts": [*starts, start]}))
+
+
+def _split(state: dict[str, Any]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Arrays for safetensors, the rest for JSON."""
+    arrays = {name: value for name, value in state.items() if isinstance(value, np.ndarray)}
+    return arrays, {name: value for name, value in state.items() if name not in arrays}
+
+
+@contextmanager
+def _signals() -> Iterator[threading.Event]:
+    """An event that SIGTERM and SIGINT set; a second signal interrupts at once."""
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop  # signals reach the main thread only
+        return
+
+    def handle(number: int, frame: Any) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    previous = {number: signal.signal(number, handle) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield stop
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
