@@ -95,6 +95,8 @@ def build(
     if not ready:
         listing = "\n".join(f"  {r.file}: {r.defect}; remedy: {r.remedy}" for r in refused)
         raise ObjectSetError(f"{meshes or set_name}: no mesh could be used\n{listing}")
+    if meshes is not None:  # without gaps where a file was refused
+        ready = [(entry.model_copy(update={"id": index}), data) for index, (entry, data) in enumerate(ready)]
     manifest = Manifest(
         name=name, seed=seed, extent=extent, versions=versions(), objects=tuple(entry for entry, _ in ready),
         refused=refused,
@@ -170,7 +172,7 @@ def _outcome(
         candidate = make()
         if mass is not None or density is not None:
             volume = mass_properties(candidate.vertices, candidate.faces).volume
-            candidate = replace(candidate, mass=density * volume if mass is None else mass)
+            candidate = replace(candidate, mass=mass if density is None else density * volume)
         if extent is not None and scales:
             sides = np.ptp(candidate.vertices, axis=0)
             candidate = replace(candidate, scales=draw_scales(sides, extent, scales, seed, candidate.name))

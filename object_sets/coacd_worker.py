@@ -22,7 +22,7 @@ def main(source: str, target: str) -> None:
         settings = {key: data[key].item() for key in data.files if key not in ("vertices", "faces")}
     parts = coacd.run_coacd(mesh, **settings)
     arrays = {f"part{i}": np.asarray(vertices, dtype=np.float64) for i, (vertices, _) in enumerate(parts)}
-    np.savez(target, count=np.array(len(parts)), **arrays)
+    np.savez(target, allow_pickle=False, count=np.array(len(parts)), **arrays)
 
 
 if __name__ == "__main__":

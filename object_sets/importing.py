@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from object_sets.errors import MeshError, ObjectSetError
 from object_sets.storage import sha256
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
 
 FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off", ".3mf")
 SIZES = (0.005, 0.5)  # m; a largest extent outside is a wrong unit rather than an object for a hand
@@ -17,6 +20,7 @@ MAX_FACES = 4000  # of an object; denser meshes are simplified, since encodings 
 SIMPLIFICATION = 0.01  # of the largest extent: the surface may move by this much at most while simplifying
 HOLE_AREA = 0.02  # of the surface: what filling holes may add
 FLATNESS = 1e-3  # volume over bounding box below which a mesh is a sheet, not a solid
+GAP = 2e-3  # of the largest extent: bodies no farther apart count as touching
 PROBES = 96  # points whose winding number is checked
 
 
@@ -114,11 +118,14 @@ def _clean(
         raise MeshError(path, "all its vertices are one point", "export it again")
     used, faces = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[used], faces.reshape(-1, 3)
+    # The same position written once a face or once a texture corner is how files are, not a defect.
+    vertices, inverse = np.unique(vertices, axis=0, return_inverse=True)
+    faces = inverse.reshape(-1)[faces]
     _, first, inverse = np.unique(
         np.round(vertices / (1e-7 * size)).astype(np.int64), axis=0, return_index=True, return_inverse=True
     )
     if len(first) < len(vertices):
-        repairs.append(f"merged {len(vertices) - len(first)} repeated vertices")
+        repairs.append(f"merged {len(vertices) - len(first)} vertices that lay within rounding of others")
         vertices, faces = vertices[first], inverse.reshape(-1)[faces]
     proper = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
     if not proper.all():
@@ -168,7 +175,7 @@ def _closed(
     return np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64)
 
 
-def _solid(path: Path, vertices: np.ndarray, faces: np.ndarray, repairs: list[str]):
+def _solid(path: Path, vertices: np.ndarray, faces: np.ndarray, repairs: list[str]) -> Manifold:
     """One solid of all bodies: inside-out ones turned, several united, cavities kept."""
     import trimesh
 
@@ -204,15 +211,36 @@ def _solid(path: Path, vertices: np.ndarray, faces: np.ndarray, repairs: list[st
     if holes:
         solid = solid - union(holes)
         repairs.append(f"kept {len(holes)} closed cavities")
-    apart = len([part for part in solid.decompose() if part.volume() > 0])
-    if apart > 1:
-        raise MeshError(
-            path, f"consists of {apart} bodies that don't touch", "save each body as a file of its own"
-        )
+    _connected(path, solid, repairs)
     low, high = np.array(solid.bounding_box()).reshape(2, 3)
     if solid.volume() < FLATNESS * np.prod(high - low):
         raise MeshError(path, "is flat: it encloses next to no volume", "give the surface a thickness")
     return solid
+
+
+def _connected(path: Path, solid: Manifold, repairs: list[str]) -> None:
+    """Refuse bodies that lie apart; a gap of rounding size counts as contact and is reported."""
+    bodies = [body for body in solid.decompose() if body.volume() > 0]
+    low, high = np.array(solid.bounding_box()).reshape(2, 3)
+    size = float((high - low).max())
+    reached, left, widest = [bodies[0]], bodies[1:], 0.0
+    while reached and left:
+        body = reached.pop()
+        gaps = [body.min_gap(other, 2.0 * GAP * size) for other in left]
+        near = [gap <= GAP * size for gap in gaps]
+        widest = max([widest, *(gap for gap, close in zip(gaps, near) if close)])
+        reached += [other for other, close in zip(left, near) if close]
+        left = [other for other, close in zip(left, near) if not close]
+    if left:
+        raise MeshError(
+            path,
+            f"has bodies that don't touch ({len(bodies)} bodies, {len(left)} of them apart)",
+            "save each body as a file of its own",
+        )
+    if widest > 0:
+        repairs.append(
+            f"took {len(bodies)} bodies as one, gaps up to {100 * widest / size:.2g} % of its size"
+        )
 
 
 def _first_and_normal(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -220,7 +248,7 @@ def _first_and_normal(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarr
     return a, np.cross(b, c)
 
 
-def _simplified(path: Path, solid, size: float, max_faces: int, repairs: list[str]):
+def _simplified(path: Path, solid: Manifold, size: float, max_faces: int, repairs: list[str]) -> Manifold:
     count = solid.num_tri()
     if count <= max_faces:
         return solid
@@ -231,10 +259,8 @@ def _simplified(path: Path, solid, size: float, max_faces: int, repairs: list[st
                 f"simplified {count} faces to {simple.num_tri()} (within {100 * share:g} % of its size)"
             )
             return simple
-    raise MeshError(
-        path, f"has {count} faces, and {simple.num_tri()} when simplified within {100 * SIMPLIFICATION:g} % of its size",
-        f"simplify it to at most {max_faces}",
-    )  # fmt: skip
+    left = f"{simple.num_tri()} when simplified within {100 * SIMPLIFICATION:g} % of its size"
+    raise MeshError(path, f"has {count} faces, and {left}", f"simplify it to at most {max_faces}")
 
 
 def _scale(path: Path, size: float, extent: tuple[float, float] | None, repairs: list[str]) -> float:

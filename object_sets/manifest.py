@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from object_sets.errors import DataError
 from object_sets.storage import json_bytes, sha256
 
-SCHEMA = "object-set/1"
+SCHEMA: Literal["object-set/1"] = "object-set/1"
 MANIFEST_NAME = "manifest.json"
 
 Vector = tuple[float, float, float]

@@ -155,7 +155,7 @@ def content_digest(*arrays: np.ndarray) -> str:
 
 
 def _frozen(array: np.ndarray, dtype: type, rows: bool = True) -> np.ndarray:
-    copy = np.array(array, dtype=dtype, order="C")
+    copy: np.ndarray = np.array(array, dtype=dtype, order="C")
     if rows and (copy.ndim != 2 or copy.shape[1] != 3):
         raise ObjectSetError(f"an array of shape {copy.shape}: (n, 3) is needed")
     copy.setflags(write=False)

@@ -37,7 +37,7 @@ def render(
     depth = np.full((size, size), -np.inf)
     owner = np.full((size, size), -1)
     for face in np.flatnonzero(normals[:, 2] > 0):
-        _fill(face, screen[face], corners[face, :, 2], depth, owner)
+        _fill(int(face), screen[face], corners[face, :, 2], depth, owner)
     image = np.zeros((size, size, 4))
     covered = owner >= 0
     light = LIGHT / np.linalg.norm(LIGHT)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -33,13 +34,13 @@ def load(name: str | Path) -> ObjectSet:
         DataError: the data was altered or has another schema.
     """
     if isinstance(name, str) and name in SETS:
-        everything = _load_directory(DATA).objects
+        everything = _shipped().objects
         return ObjectSet(name, tuple(everything[i] for i in SETS[name]))
     directory = Path(name)
     if directory.name == "manifest.json":
         directory = directory.parent
     if (directory / "manifest.json").is_file():
-        return _load_directory(directory.resolve())
+        return _read(directory.resolve())
     hint = nearest(name, SETS)
     raise UnknownObjectError(
         f"object set {str(name)!r}: neither a set nor a directory with manifest.json{hint}"
@@ -55,7 +56,7 @@ def select(text: str) -> ObjectSet:
         UnknownObjectError: an item is none of these; the message names the nearest that is.
     """
     everything = load("all")
-    chosen: dict[tuple[int, str], Object] = {}
+    chosen: dict[tuple[int, str, str], Object] = {}
     items = [item.strip() for item in text.split(",")]
     for item in items:
         if item in SETS:
@@ -72,12 +73,16 @@ def select(text: str) -> ObjectSet:
                 f"object {item!r} in {text!r}: ids 0-{len(everything) - 1}, names and sets{hint}"
             )
         for candidate in found:
-            chosen.setdefault((candidate.id, candidate.name), candidate)
+            chosen.setdefault((candidate.id, candidate.name, candidate.digest), candidate)
     return ObjectSet(text if len(items) > 1 else items[0], tuple(chosen.values()))
 
 
-@lru_cache(maxsize=16)
-def _read(directory: Path, stamp: int) -> ObjectSet:
+@lru_cache(maxsize=1)
+def _shipped() -> ObjectSet:
+    return _read(DATA)
+
+
+def _read(directory: Path) -> ObjectSet:
     from object_sets.manifest import MANIFEST_NAME, Manifest
 
     manifest = Manifest.from_bytes((directory / MANIFEST_NAME).read_bytes(), directory / MANIFEST_NAME)
@@ -110,15 +115,9 @@ def _read(directory: Path, stamp: int) -> ObjectSet:
 
 
 def _sizes(nominal: Object, scales: tuple, start: int) -> list[Object]:
-    from dataclasses import replace
-
     if not scales:
         return [nominal]
     return [
         replace(nominal.scaled(factors), id=start + k, name=f"{nominal.name}_{k:03d}")
         for k, factors in enumerate(scales)
     ]
-
-
-def _load_directory(directory: Path) -> ObjectSet:
-    return _read(directory, (directory / "manifest.json").stat().st_mtime_ns)

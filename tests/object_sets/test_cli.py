@@ -1,0 +1,73 @@
+"""The command line and the contact sheet."""
+
+import subprocess
+import sys
+
+import matplotlib.image
+import numpy as np
+import pytest
+import trimesh
+
+import object_sets
+from object_sets.cli import main
+from object_sets.raster import render
+
+
+def test_help_of_every_command():
+    done = subprocess.run(
+        [sys.executable, "-m", "object_sets.cli", "--help"], capture_output=True, text=True, check=True
+    )
+    assert all(word in done.stdout for word in ("list", "build", "check", "render"))
+
+
+def test_list(capsys):
+    assert main(["list", "ood"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 6 and "emergency_switch" in lines[4]
+
+
+def test_unknown_names_end_with_one_and_a_hint(capsys):
+    assert main(["list", "geometrc8"]) == 1
+    assert "nearest valid name: 'geometric8'" in capsys.readouterr().err
+    assert main(["build", "ood", "--extent", "0.09:0.04", "--scales", "2"]) == 1
+    assert "LOW:HIGH" in capsys.readouterr().err
+
+
+def test_check(tmp_path, capsys):
+    trimesh.creation.box((0.06, 0.05, 0.04)).export(tmp_path / "good.stl")
+    trimesh.creation.box((60, 50, 40)).export(tmp_path / "large.stl")
+    assert main(["check", str(tmp_path / "good.stl")]) == 0
+    assert "ok" in capsys.readouterr().out
+    assert main(["check", str(tmp_path / "large.stl"), str(tmp_path / "good.stl")]) == 1
+    text = capsys.readouterr().out
+    assert "refused" in text and "remedy" in text and "good.stl: 60.0 x 50.0 x 40.0 mm" in text
+    assert main(["check", str(tmp_path / "large.stl"), "--extent", "0.045:0.09"]) == 0
+    assert main(["check", str(object_sets.sets.DATA)]) == 0
+
+
+def test_render_sheet(tmp_path, capsys):
+    assert (
+        main(
+            ["render", "geometric8,apple", "--out", str(tmp_path / "a.png"), "--svg", str(tmp_path / "a.svg")]
+        )
+        == 0
+    )
+    image = matplotlib.image.imread(tmp_path / "a.png")
+    assert image.shape[0] > 300 and image[..., :3].std() > 0.05
+    assert (tmp_path / "a.svg").read_text().count("<image") == 9
+    object_sets.render_sheet(object_sets.select("geometric8,apple"), tmp_path / "b.png")
+    assert (tmp_path / "b.png").read_bytes() == (tmp_path / "a.png").read_bytes()
+
+
+def test_empty_sheet_is_an_error(tmp_path):
+    with pytest.raises(object_sets.ObjectSetError, match="no objects"):
+        object_sets.render_sheet([], tmp_path / "a.png")
+
+
+def test_picture_shows_the_silhouette():
+    """Area of the projection of a sphere, and a notch that lets the background through."""
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.03)
+    image = render(np.asarray(ball.vertices), np.asarray(ball.faces), (1.0, 0.5, 0.2), 120, 0.08)
+    assert image.shape == (120, 120, 4)
+    assert image[..., 3].mean() == pytest.approx(np.pi * 0.03**2 / 0.08**2, rel=0.02)
+    assert image[0, 0, 3] == 0 and image[60, 60, 3] == 1

@@ -1,0 +1,238 @@
+"""Mesh files of all kinds and states: what passes, what is repaired, what is refused and how it is said."""
+
+import numpy as np
+import pytest
+import trimesh
+
+import object_sets
+from object_sets import MeshError, ObjectSetError
+from object_sets.cli import main
+from object_sets.importing import read_mesh
+
+SIDES = (0.06, 0.05, 0.07)
+
+
+def cube():
+    return trimesh.creation.box(SIDES)
+
+
+@pytest.fixture
+def save(tmp_path):
+    def write(mesh, name="mesh.ply"):
+        mesh.export(tmp_path / name)
+        return tmp_path / name
+
+    return write
+
+
+def volume(mesh):
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).volume
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj", "ply", "glb", "gltf", "off", "3mf"])
+def test_formats(ending, save, tmp_path):
+    mesh = cube().apply_translation((1, 2, 3))
+    if ending == "gltf":
+        for name, data in trimesh.Scene(mesh).export(file_type="gltf").items():
+            (tmp_path / name.replace("model", "mesh")).write_bytes(data)
+        path = tmp_path / "mesh.gltf"
+    else:
+        path = save(mesh, f"mesh.{ending}")
+    result = read_mesh(path)
+    assert result.repairs == ()
+    assert np.allclose(np.ptp(result.vertices, axis=0), SIDES, atol=1e-6)
+    assert np.allclose(result.vertices.min(axis=0), -result.vertices.max(axis=0), atol=1e-7)
+    assert len(result.vertices) == 8 and len(result.faces) == 12
+
+
+def test_inside_out_is_turned(save):
+    mesh = cube()
+    mesh.invert()
+    result = read_mesh(save(mesh))
+    assert volume(result) == pytest.approx(np.prod(SIDES), rel=1e-5)
+    assert any("inside-out" in repair for repair in result.repairs)
+
+
+def test_mixed_winding_is_turned(save):
+    mesh = cube()
+    mesh.faces[[2, 5, 7]] = mesh.faces[[2, 5, 7], ::-1]
+    result = read_mesh(save(mesh))
+    assert volume(result) == pytest.approx(np.prod(SIDES), rel=1e-5)
+    assert any("turned" in repair for repair in result.repairs)
+
+
+def test_small_hole_is_closed(save):
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.03)
+    mesh.update_faces(np.arange(len(mesh.faces)) != 100)
+    result = read_mesh(save(mesh))
+    assert any("closed holes with 3 border edges" in repair for repair in result.repairs)
+    assert trimesh.Trimesh(result.vertices, result.faces).is_watertight
+
+
+def test_repeated_faces_are_dropped(save):
+    mesh = cube()
+    mesh.faces = np.vstack([mesh.faces, mesh.faces[:2], [[0, 0, 1]]])
+    result = read_mesh(save(mesh))
+    assert len(result.repairs) == 2 and len(result.faces) == 12
+
+
+def test_overlapping_bodies_are_united(save):
+    both = trimesh.util.concatenate([cube(), cube().apply_translation((0.03, 0.0, 0.0))])
+    result = read_mesh(save(both))
+    assert volume(result) == pytest.approx(0.09 * 0.05 * 0.07, rel=1e-5)
+    assert any("united 2 bodies" in repair for repair in result.repairs)
+
+
+def test_cavity_is_kept(save):
+    hole = trimesh.creation.box((0.02, 0.02, 0.02))
+    hole.invert()
+    result = read_mesh(save(trimesh.util.concatenate([cube(), hole])))
+    assert volume(result) == pytest.approx(np.prod(SIDES) - 0.02**3, rel=1e-5)
+    assert any("cavities" in repair for repair in result.repairs)
+
+
+def test_dense_mesh_is_simplified(save):
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=0.03)
+    result = read_mesh(save(ball))
+    assert len(result.faces) <= 4000 < len(ball.faces)
+    assert volume(result) == pytest.approx(ball.volume, rel=0.02)  # 1 % of the size may move
+    assert any("simplified 20480 faces" in repair for repair in result.repairs)
+
+
+def test_extent_scales_all_axes_alike(save):
+    path = save(trimesh.creation.box((60, 30, 40)))  # millimetres
+    result = read_mesh(path, extent=(0.045, 0.09))
+    assert np.allclose(np.ptp(result.vertices, axis=0), (0.09, 0.045, 0.06), atol=1e-6)
+    assert any("scaled" in repair for repair in result.repairs)
+
+
+def _open():
+    mesh = cube()
+    mesh.update_faces(np.arange(12) >= 6)
+    return mesh
+
+
+def _flat():
+    return trimesh.creation.box((0.06, 0.06, 1e-7))
+
+
+def _apart():
+    return trimesh.util.concatenate([cube(), cube().apply_translation((0.1, 0, 0))])
+
+
+def _nan():
+    mesh = cube()
+    mesh.vertices[3] = np.nan
+    return mesh
+
+
+def _crossed():
+    """A tube bent back through itself: closed, oriented, and twice inside where it crosses."""
+    angle = np.linspace(0, 3 * np.pi, 40)
+    path = 0.03 * np.column_stack([np.sin(angle), np.sin(2 * angle), 0.02 * angle])
+    ring = np.linspace(0, 2 * np.pi, 9)[:-1]
+    tangent = np.gradient(path, axis=0)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    side = np.cross(tangent, [0, 0, 1])
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    up = np.cross(side, tangent)
+    points = path[:, None] + 0.008 * (
+        np.cos(ring)[:, None] * side[:, None] + np.sin(ring)[:, None] * up[:, None]
+    )
+    faces = []
+    for i in range(39):
+        for j in range(8):
+            a, b, c, d = 8 * i + j, 8 * i + (j + 1) % 8, 8 * (i + 1) + (j + 1) % 8, 8 * (i + 1) + j
+            faces += [(a, b, c), (a, c, d)]
+    faces += [(0, j + 1, j) for j in range(1, 7)] + [(312, 312 + j, 312 + j + 1) for j in range(1, 7)]
+    return trimesh.Trimesh(points.reshape(-1, 3), faces, process=False)
+
+
+@pytest.mark.parametrize(
+    ("make", "defect"),
+    [
+        (_open, "open: 6 edges"),
+        (_flat, "flat"),
+        (_apart, "don't touch"),
+        (_nan, "not finite"),
+        (_crossed, "cuts through itself"),
+        (lambda: trimesh.creation.box((60, 50, 70)), "allowed are 0.005 to 0.5 m"),
+        (lambda: trimesh.PointCloud(np.random.default_rng(0).random((20, 3))), "no triangles"),
+        (
+            lambda: trimesh.util.concatenate([cube(), cube().apply_translation((0.06, 0.05, 0))]),
+            "more than two faces",
+        ),
+    ],
+)
+def test_refused(make, defect, save):
+    path = save(make())
+    with pytest.raises(MeshError, match=defect) as caught:
+        read_mesh(path)
+    assert caught.value.file == str(path) and caught.value.remedy in str(caught.value)
+
+
+def test_broken_files(tmp_path):
+    for name, content in (("a.stl", b"not a mesh"), ("b.glb", b"glTF\0\0"), ("c.obj", b"")):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(MeshError, match=name):
+            read_mesh(tmp_path / name)
+    with pytest.raises(MeshError, match="can't be read"):
+        read_mesh(tmp_path / "missing.stl")
+    with pytest.raises(MeshError, match="unknown ending"):
+        read_mesh(tmp_path / "mesh.blend")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("TACTILE_KIT_CACHE", str(tmp_path / "cache"))
+    place = tmp_path / "meshes"
+    place.mkdir()
+    cube().export(place / "a box.stl")
+    _open().export(place / "broken.stl")
+    (place / "garbage.obj").write_bytes(b"\xff\xfe")
+    l_shape = object_sets.load("all")["l_shape"]
+    trimesh.Trimesh(l_shape.vertices, l_shape.faces, process=False).export(place / "ell.ply")
+    (place / "notes.txt").write_text("not a mesh, not an error")
+    return place
+
+
+def test_bad_files_never_stop_a_batch(folder, tmp_path, capsys):
+    code = main(
+        [
+            "build",
+            "--meshes",
+            str(folder),
+            "--out",
+            str(tmp_path / "set"),
+            "--licence",
+            "CC0-1.0",
+            "--jobs",
+            "2",
+        ]
+    )
+    assert code == 1
+    text = capsys.readouterr()
+    assert "2 objects, 2 refused" in text.out
+    last = text.err.splitlines()[-2:]
+    assert "broken.stl: is open" in last[0] and "garbage.obj" in last[1]
+    built = object_sets.load(tmp_path / "set")
+    assert built.names == ("a_box", "ell") and [item.id for item in built] == [0, 1]
+    assert built[0].convex and not built[1].convex and len(built[1].parts) == 2
+    assert built[0].licence == "CC0-1.0" and built[0].source == "a box.stl"
+
+
+def test_mesh_set_is_reproducible(folder, tmp_path):
+    arguments = {"meshes": folder, "extent": (0.045, 0.09), "scales": 2, "seed": 3}
+    first = object_sets.build(tmp_path / "one", **arguments)
+    other = object_sets.build(tmp_path / "two", **arguments, jobs=2)
+    assert {p.name: p.read_bytes() for p in first.parent.iterdir()} == {
+        p.name: p.read_bytes() for p in other.parent.iterdir()
+    }
+
+
+def test_nothing_usable_is_an_error(tmp_path):
+    with pytest.raises(ObjectSetError, match="no such folder"):
+        object_sets.build(tmp_path / "out", meshes=tmp_path / "none")
+    _open().export(tmp_path / "broken.stl")
+    with pytest.raises(ObjectSetError, match=r"(?s)no mesh could be used.*broken\.stl"):
+        object_sets.build(tmp_path / "out", meshes=tmp_path)
