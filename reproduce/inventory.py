@@ -75,10 +75,10 @@ def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
             run.name: {
                 "role": run.role,
                 "agent": str(run.directory / "agent.json") if plan.available(run) else None,
-                "metrics": str(run.directory / "metrics.jsonl") if run.role in curves and plan.has_curve(run) else None,
+                "metrics": str(run.directory / "metrics.jsonl") if run.role in curves and run.curves and plan.has_curve(run) else None,
             }
             for run in plan.runs
-            if run.role in roles
+            if run.role in roles and (run.curves or run.role in {role for role, _ in pairs})
         },
         "episodes": episodes,
     }

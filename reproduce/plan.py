@@ -10,7 +10,7 @@ from pathlib import Path
 
 from reproduce.errors import ScaleError, nearest
 from reproduce.files import ROOT
-from reproduce.scales import SETS, EvaluationGroup, RunGroup, Scale
+from reproduce.scales import EvaluationGroup, RunGroup, Scale, split_variant
 
 FIGURES = ("object_sets", "learning", "violin", "success", "complex", "extent", "confusion")
 TABLES = ("table1", "table2")
@@ -31,6 +31,7 @@ class Run:
     warm_start: str | None
     job: str  # the training job it belongs to
     directory: Path
+    curves: bool = True  # whether an oracle run belongs to the learning curves
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ def make_plan(scale: Scale, source: str, out: Path, agents: Path | None = None) 
     evaluations = []
     for group in scale.evaluations:
         for role in group.runs:
-            found = [run for run in runs if run.role == role]
+            found = [run for run in runs if run.role == role and (group.seeds is None or run.seed in group.seeds)]
             if not found:
                 raise ScaleError(f"scale {scale.name}: evaluation {group.name} names {role!r}"
                                  + nearest(role, {run.role for run in runs}))
@@ -145,9 +146,18 @@ def _expand(group: RunGroup, number: int, agents: Path) -> list[Run]:
             for objects in group.sets:
                 role = f"{group.kind}-{variant}-{objects}"
                 name = f"{role}-s{seed}"
-                warm = group.warm_start.format(set=objects, seed=seed) if group.warm_start else None
+                warm = _fill(group.warm_start, variant, objects, seed)
                 job = f"group{number}-{group.kind}" if group.together else name
                 runs.append(
-                    Run(name, role, group.kind, variant, objects, seed, group.preset, warm, job, agents / name)
+                    Run(name, role, group.kind, variant, objects, seed, group.preset, warm, job, agents / name, group.curves)
                 )
     return runs
+
+
+def _fill(template: str | None, variant: str, objects: str, seed: int) -> str | None:
+    if template is None:
+        return None
+    try:
+        return template.format(encoding=split_variant(variant)[0], set=objects, seed=seed)
+    except (KeyError, IndexError, ValueError):
+        raise ScaleError(f"warm_start {template!r}: allowed are the fields {{encoding}}, {{set}} and {{seed}}") from None

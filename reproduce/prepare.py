@@ -8,10 +8,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from reproduce.files import ROOT, dump_yaml, shown, write_if_changed
+from reproduce.files import ROOT, dump_yaml, read_json, shown, write_if_changed
 from reproduce.inventory import NEEDS, TRANSFER, inventory
 from reproduce.plan import ARTEFACTS, Evaluation, Plan
-from reproduce.settings import evaluation_settings, grasp_item, run_settings
+from reproduce.settings import evaluation_grasps, evaluation_settings, grasp_item, run_settings
 
 OBJECTS = {"paper": 13, "all": 16, "geometric8": 8, "ood": 5, "complex": 3}  # sizes of the named sets
 
@@ -48,10 +48,13 @@ def prepare(plan: Plan) -> Path:
     for evaluation in evaluations:
         settings = evaluation_settings(plan, evaluation)
         write_if_changed(jobs / "evaluate" / f"{evaluation.name}.yaml", dump_yaml(settings))
+        trained = run_settings(plan, evaluation.run) if plan.trains else read_json(plan.manifest(evaluation.run))
+        bank, task = evaluation_grasps(plan, evaluation, trained["task"])
+        grasps[bank] = task
         agent = plan.pipeline / "trained" / f"{evaluation.run.job}.json" if plan.trains else plan.manifest(evaluation.run)
         evaluate[evaluation.name] = {
             "agent": str(agent.relative_to(plan.pipeline)) if plan.trains else str(agent),
-            "grasps": [],
+            "grasps": [bank],
             "episodes": weight(evaluation),
             "threads": plan.scale.num_workers,
         }
@@ -67,6 +70,7 @@ def prepare(plan: Plan) -> Path:
         "out": str(plan.out),
         "pipeline": str(plan.pipeline),
         "source": str(ROOT / "reproduce"),
+        "grasps": sorted(grasps),
         "train": train,
         "evaluate": evaluate,
         "needs": needs,

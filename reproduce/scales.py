@@ -22,6 +22,12 @@ ABLATIONS = ("nosigma", "stopgrad")  # Table II: no sigma input to the policy; n
 VARIANTS = (*ENCODINGS, *(f"vec_bps_{ablation}" for ablation in ABLATIONS))
 
 
+def split_variant(variant: str) -> tuple[str, str]:
+    """``vec_bps_nosigma`` -> (``vec_bps``, ``nosigma``); the ablation is empty where there is none."""
+    ablation = next((name for name in ABLATIONS if variant.endswith(f"_{name}")), "")
+    return (variant.removesuffix(f"_{ablation}") if ablation else variant), ablation
+
+
 class Part(BaseModel):
     """Frozen; unknown keys are refused."""
 
@@ -36,7 +42,8 @@ class RunGroup(Part):
     sets: tuple[Literal[tuple(SETS)], ...] = Field(min_length=1)
     seeds: tuple[NonNegativeInt, ...] = Field((0,), min_length=1)
     preset: str = Field(description="Key in `presets`.")
-    warm_start: str | None = Field(None, description="Run to start from; {set} and {seed} are filled in.")
+    warm_start: str | None = Field(None, description="Run to start from; {encoding}, {set} and {seed} are filled in.")
+    curves: bool = Field(True, description="Whether its oracle runs belong to the learning curves of Fig. 5.")
     together: bool = Field(False, description="Train all runs of the group one after another in one process.")
 
 
@@ -44,7 +51,8 @@ class EvaluationGroup(Part):
     """One evaluation of several runs, at the sizes of this scale."""
 
     name: Literal["nominal", "complex", "extent-true", "extent-fixed", "confusion"]
-    runs: tuple[str, ...] = Field(min_length=1, description="Run names without the seed; all its seeds are evaluated.")
+    runs: tuple[str, ...] = Field(min_length=1, description="Run names without the seed.")
+    seeds: tuple[NonNegativeInt, ...] | None = Field(None, description="Which of their seeds; all by default.")
     objects: str
     scaling: Literal["nominal", "random"] = "nominal"
     sizes: PositiveInt = Field(1, description="Prepared sizes an object; the paper's environments where random.")

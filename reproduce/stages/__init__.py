@@ -8,6 +8,7 @@ from pathlib import Path
 
 from reproduce import owner
 from reproduce.errors import ReproduceError, nearest
+from reproduce.files import read_json
 from reproduce.heartbeat import Heartbeat
 from reproduce.plan import ARTEFACTS
 
@@ -20,8 +21,7 @@ def items_of(pipeline: Path, stage: str) -> list[str]:
     _known(stage)
     if stage not in ("grasps", "train", "evaluate"):
         return [""]
-    folder = pipeline / "jobs" / stage
-    return sorted(file.relative_to(folder).with_suffix("").as_posix() for file in folder.rglob("*.yaml"))
+    return sorted(read_json(pipeline / "plan.json")[stage])
 
 
 def run_stage(pipeline: Path, stage: str, item: str = "", *, echo: bool = False) -> None:
@@ -50,7 +50,6 @@ def run_stage(pipeline: Path, stage: str, item: str = "", *, echo: bool = False)
 
 def _artefact(pipeline: Path, name: str) -> None:
     from reproduce.artefacts import make
-    from reproduce.files import read_json
     from reproduce.inventory import Results
 
     outputs = [Path(file) for file in read_json(pipeline / "plan.json")["artefacts"][name]]

@@ -174,7 +174,7 @@ def _parse(cells: list[str], where: str) -> EpisodeRow:
     row = EpisodeRow(**values)
     if (row.theta is None or row.theta_min is None) and not row.fault:
         raise EpisodeFileError(f"{where}: theta or theta_min is empty; allowed only where fault says why")
-    if row.success and (row.drop or row.fault or row.theta >= SUCCESS_ANGLE):
+    if row.success and (row.drop or row.fault or row.theta > SUCCESS_ANGLE + 1e-6):  # rounded in the file
         raise EpisodeFileError(
             f"{where}: success = 1 with drop = {row.drop:d}, fault = {row.fault!r}, theta = {row.theta};"
             f" allowed only without drop or fault and with theta < {SUCCESS_ANGLE} rad"

@@ -1,0 +1,86 @@
+"""From a plan to the settings of its jobs: run configurations, evaluations, grasp banks. Plain data, fully resolved."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any
+
+from reproduce.errors import ScaleError
+from reproduce.plan import Evaluation, Plan, Run
+from reproduce.scales import SETS, split_variant
+
+ABLATIONS: dict[str, dict[str, Any]] = {  # Table II
+    "nosigma": {"task.sigma_in_observation": False},
+    "stopgrad": {"estimator.stop_gradient": True},
+}
+
+
+def run_settings(plan: Plan, run: Run) -> dict[str, Any]:
+    """The resolved ``RunConfig`` of a run: its preset of the scale, then what its name says.
+
+    Raises ``ScaleError`` naming scale, run and the setting that doesn't fit.
+    """
+    from tactile_kit.runs.config import RunConfig, merge, presets
+
+    encoding, ablation = split_variant(run.variant)
+    changes: dict[str, Any] = {
+        "kind": run.kind,
+        "seed": run.seed,
+        "encoding": encoding,
+        **SETS[run.set],
+        **ABLATIONS.get(ablation, {}),
+    }
+    if run.warm_start is not None:
+        changes["warm_start"] = str(run.directory.parent / run.warm_start)
+    settings = dict(plan.scale.presets[run.preset])
+    base = settings.pop("preset", None)
+    try:
+        if base is not None:
+            if base not in presets():
+                raise ScaleError(f"preset {base!r} unknown; allowed are {', '.join(presets())}")
+            import yaml
+
+            settings = merge(yaml.safe_load(presets()[base].read_text(encoding="utf-8")) or {}, settings)
+        return RunConfig.build(settings, changes, run.name).to_dict()
+    except ValueError as error:
+        raise ScaleError(f"scale {plan.scale.name}, preset {run.preset}: {error}") from None
+
+
+def evaluation_settings(plan: Plan, evaluation: Evaluation) -> dict[str, Any]:
+    """What ``tactile_kit.evaluate`` is called with, and where the rows go."""
+    group = evaluation.group
+    return {
+        "agent": str(evaluation.run.directory),
+        "out": str(evaluation.file),
+        "objects": group.objects,
+        "scaling": group.scaling,
+        "sizes": group.sizes,
+        "given": group.given,
+        "episodes_per_goal": group.episodes_per_goal,
+        "goals_per_case": group.goals_per_case,
+        "seed": plan.scale.seed,
+        "num_envs": plan.scale.num_envs,
+        "num_workers": plan.scale.num_workers,
+    }
+
+
+def evaluation_grasps(plan: Plan, evaluation: Evaluation, trained: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """As ``grasp_item``, for an evaluation of an agent trained under the task settings ``trained``."""
+    from tactile_kit.evaluation.evaluate import evaluation_task
+    from tactile_kit.task.config import TaskConfig
+
+    group = evaluation.group
+    try:
+        task = evaluation_task(TaskConfig(**trained), group.objects, plan.scale.seed, group.scaling, group.sizes)
+    except ValueError as error:
+        raise ScaleError(f"{evaluation.name}: {error}") from None
+    return grasp_item({"task": task.model_dump(mode="json")})
+
+
+def grasp_item(config: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """(name, task settings) of the grasps a run needs. Runs with the same objects and physics share them."""
+    keys = ("objects", "scaling", "variants", "variant_seed", "extent_range", "grasps", "simulation")
+    task = {key: config["task"][key] for key in keys if key in config["task"]}
+    digest = hashlib.blake2s(json.dumps(task, sort_keys=True).encode()).hexdigest()[:8]
+    return f"{str(task['objects']).replace(',', '+')}-{task['scaling']}-{digest}", task

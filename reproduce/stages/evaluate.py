@@ -1,0 +1,49 @@
+"""Evaluates one agent into one episode file."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from reproduce.errors import ReproduceError
+from reproduce.files import read_yaml, write_atomic
+from reproduce.heartbeat import Heartbeat
+
+
+def run(pipeline: Path, item: str, beat: Heartbeat) -> None:
+    settings = read_yaml(pipeline / "jobs" / "evaluate" / f"{item}.yaml")
+    out = Path(settings.pop("out"))
+    summary = evaluate_to(Path(settings.pop("agent")), out, progress=beat, **settings)
+    summary["digest"] = hashlib.sha256(out.read_bytes()).hexdigest()
+    write_atomic(pipeline / "evaluated" / f"{item}.json", json.dumps(summary, indent=1) + "\n")
+
+
+def evaluate_to(agent: Path, out: Path, **settings: Any) -> dict[str, Any]:
+    """Evaluates the agent in directory ``agent`` and writes its rows to ``out``; settings as ``tactile_kit.evaluate``.
+
+    Returns a summary: success_rate with its 95 % interval, episodes, drops, faults, mean_final_angle (rad), out.
+    Raises ``ReproduceError`` where there is no agent.
+    """
+    if not (agent / "agent.json").is_file():
+        raise ReproduceError(f"{agent}: no agent there (agent.json is missing)")
+    import torch
+
+    from tactile_kit.evaluation import evaluate, final_angles, success_rate, write_rows
+
+    torch.set_num_threads(1)
+    rows = evaluate(agent, **settings)
+    write_rows(out, rows)
+    rate = success_rate(rows)
+    angles = final_angles(rows)
+    return {
+        "success_rate": rate.value,
+        "low": rate.low,
+        "high": rate.high,
+        "episodes": rate.n,
+        "drops": sum(row.drop for row in rows),
+        "faults": sum(bool(row.fault) for row in rows),
+        "mean_final_angle": float(angles.mean()) if len(angles) else None,
+        "out": str(out),
+    }

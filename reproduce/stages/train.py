@@ -1,0 +1,97 @@
+"""Trains the runs of one job, one after another. What is finished is left alone; what was stopped goes on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from reproduce.files import read_yaml, write_atomic
+from reproduce.heartbeat import Heartbeat
+
+
+def run(pipeline: Path, item: str, beat: Heartbeat) -> None:
+    entries = read_yaml(pipeline / "jobs" / "train" / f"{item}.yaml")
+    total = sum(entry["config"]["steps"] for entry in entries)
+    done = 0
+    marker = {}
+    for entry in entries:
+        directory = Path(entry["directory"])
+        before = done
+        _train(entry["config"], directory, lambda steps, before=before: beat(min(total, before + steps), total))
+        done += entry["config"]["steps"]
+        beat(done, total)
+        marker[entry["run"]] = hashlib.sha256((directory / "agent.json").read_bytes()).hexdigest()
+    write_atomic(pipeline / "trained" / f"{item}.json", json.dumps(marker, indent=1) + "\n")
+
+
+def train_file(config: Path, directory: Path) -> None:
+    """Trains as the YAML file ``config`` says; a stopped run of the same settings goes on. Errors name the file."""
+    from tactile_kit.runs import RunConfig
+
+    _train_config(RunConfig.from_yaml(config), directory)
+
+
+def _train(settings: dict[str, Any], directory: Path, report: Callable[[int], None]) -> None:
+    """One run of the workflow. A directory that holds a run of other settings is moved aside, never overwritten."""
+    from tactile_kit.runs import RunConfig
+    from tactile_kit.runs.config import differences
+
+    config = RunConfig.build(settings, source=directory.name)
+    there = directory / "config.yaml"
+    if there.is_file() and (changed := differences(read_yaml(there), config.to_dict())):
+        aside = _move_aside(directory)
+        print(f"{directory.name}: settings changed ({'; '.join(changed)}); the old run is now {aside}", flush=True)
+    with _following(directory / "metrics.jsonl", report):
+        _train_config(config, directory)
+
+
+def _train_config(config: Any, directory: Path) -> None:
+    from tactile_kit.runs import finished, train
+
+    if finished(directory) and read_yaml(directory / "config.yaml") == config.to_dict():
+        return
+    train(config, directory)
+    if not finished(directory):
+        raise Stopped(f"{directory}: stopped before the end; the same command goes on from the last checkpoint")
+
+
+class Stopped(RuntimeError):
+    """Training was asked to stop; a checkpoint is there."""
+
+
+def _move_aside(directory: Path) -> Path:
+    for number in range(1, 10_000):
+        aside = directory.parent / ".replaced" / f"{directory.name}-{number}"
+        if not aside.exists():
+            aside.parent.mkdir(exist_ok=True)
+            os.replace(directory, aside)
+            return aside
+    raise Stopped(f"{directory.parent / '.replaced'}: 10,000 old runs; remove some")
+
+
+@contextmanager
+def _following(metrics: Path, report: Callable[[int], None]) -> Iterator[None]:
+    """Reports the run's steps while it trains, from the last line of its metrics."""
+    ended = threading.Event()
+
+    def follow() -> None:
+        while not ended.wait(1.0):
+            try:
+                last = metrics.read_bytes().splitlines()[-1]
+                report(int(json.loads(last)["step"]))
+            except (OSError, ValueError, KeyError, IndexError):
+                continue  # not written yet, or just being written
+
+    thread = threading.Thread(target=follow, daemon=True, name="metrics")
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
