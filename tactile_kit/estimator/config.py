@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import difflib
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveInt
+from pydantic import Field, PositiveInt
 
 from tactile_kit.estimator.errors import EstimatorError
+from tactile_kit.task.config import Settings
 
 PRESETS: dict[str, dict[str, object]] = {
     "paper": {},
@@ -20,13 +21,11 @@ PRESETS: dict[str, dict[str, object]] = {
 }
 
 
-class EstimatorConfig(BaseModel):
+class EstimatorConfig(Settings):
     """The estimator cell (paper, section II-D and figure 3), its loss and its optimiser.
 
     Layer sizes, optimiser and minibatch are the website's; what it leaves open says so.
     """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     encoding: str | None = Field(
         default=None,

@@ -16,7 +16,7 @@ import torch
 import trimesh
 from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from torch import Tensor
 
 from tactile_kit.estimator.errors import EstimatorError
@@ -24,6 +24,7 @@ from tactile_kit.estimator.state import EstimatorState
 from tactile_kit.hand import kinematics
 from tactile_kit.shape import Encoding
 from tactile_kit.task import rotations
+from tactile_kit.task.config import Settings
 
 Array = NDArray[np.float64]
 
@@ -31,10 +32,8 @@ SAMPLES = 6
 AXIS_POINTS = 3  # along the tip capsule's axis: 9 mm apart, against a radius of 14 mm
 
 
-class KalmanConfig(BaseModel):
+class KalmanConfig(Settings):
     """Noise of the filter. All standard deviations; chosen by the sizes of the effects, not fitted."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     start_position: float = Field(
         default=0.015, gt=0, description="m, of the object about the nominal centre."

@@ -73,6 +73,7 @@ def sequence_loss(cell: EstimatorCell, sequences: Sequences, encoding: Encode, b
     counted[1:] = True
     ends = torch.ones_like(started)
     ends[:-1] = started[1:]
+    ends &= sequences.valid
     unit, mesh = cell.config.distance_unit, sequences.mesh
     with torch.no_grad():
         truth = bps(sequences.x_before[counted], sequences.R_before[counted], mesh[counted])
@@ -88,7 +89,7 @@ def sequence_loss(cell: EstimatorCell, sequences: Sequences, encoding: Encode, b
     )
     # reported over states with an update behind them: at an episode's start the angle is zero by construction
     updated = torch.cat([~started[counted], torch.ones(len(last), dtype=torch.bool)])
-    position = torch.linalg.vector_norm(run.after.x - sequences.x, dim=-1)
+    position = torch.linalg.vector_norm(run.after.x - sequences.x, dim=-1)[sequences.valid]
     return Losses(
         value.mean(),
         distance.detach()[updated].mean(),

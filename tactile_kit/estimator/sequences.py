@@ -18,6 +18,8 @@ class Sequences:
     z: ``(T, E, 144)`` rad, measured during the step; mesh: ``(T, E) int64``, the mesh given;
     started: ``(T, E) bool``, the step is the first of an episode: the state before is ``initial(R_before)``;
     x_before, x: ``(T, E, 3)`` m and R_before, R: ``(T, E, 3, 3)``, the true pose before and after the step;
+    valid: ``(T, E) bool``, the step has measurements and an outcome. Only an episode's last step can lack them, where
+    the physics failed; its other entries must be finite numbers but are not used;
     state: what the estimator held before the first step (used where ``started[0]`` is not set), without a
     graph.
     """
@@ -29,13 +31,22 @@ class Sequences:
     R_before: Tensor
     x: Tensor
     R: Tensor
+    valid: Tensor
     state: EstimatorState
 
     def __post_init__(self) -> None:
         if self.z.ndim != 3:
             raise EstimatorError(f"z has shape {tuple(self.z.shape)}, allowed: (T, E, 144)")
         lead = self.z.shape[:2]
-        wanted = {"mesh": (), "started": (), "x_before": (3,), "R_before": (3, 3), "x": (3,), "R": (3, 3)}
+        wanted: dict[str, tuple[int, ...]] = {
+            "mesh": (),
+            "started": (),
+            "valid": (),
+            "x_before": (3,),
+            "R_before": (3, 3),
+            "x": (3,),
+            "R": (3, 3),
+        }
         for name, rest in wanted.items():
             shape = tuple(getattr(self, name).shape)
             if shape != (*lead, *rest):

@@ -61,6 +61,7 @@ def motion(
         rows["R"].append(R)
     started[0] = True
     arrays = {name: torch.from_numpy(np.array(values)).float() for name, values in rows.items()}
+    arrays["valid"] = torch.ones(steps, count, dtype=torch.bool)
     state = EstimatorState(torch.zeros(count, 3), arrays["R_before"][0].clone(), torch.zeros(count, latent))
     mesh = torch.from_numpy(rng.integers(0, 2, (1, count))).repeat(steps, 1)
     return Sequences(mesh=mesh, started=torch.from_numpy(started), state=state, **arrays)

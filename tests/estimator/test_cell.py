@@ -31,8 +31,8 @@ def test_paper_sizes() -> None:
 
 
 def test_config_refuses_what_it_does_not_know() -> None:
-    with pytest.raises(ValidationError, match="extra"):
-        EstimatorConfig(hidden=3)
+    with pytest.raises(ValidationError, match="did you mean 'latent'"):
+        EstimatorConfig(latents=3)
     with pytest.raises(ValidationError, match="frozen"):
         EstimatorConfig().latent = 3
     with pytest.raises(EstimatorError, match="nearest valid name: 'small'"):

@@ -1,0 +1,122 @@
+"""The batched environment of tactile agents: the policy is told what the estimator believes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactile_kit.ecrl.config import ECRLConfig
+from tactile_kit.ecrl.coupling import Coupling
+from tactile_kit.estimator.cell import EstimatorCell, new_cell
+from tactile_kit.estimator.config import EstimatorConfig
+from tactile_kit.estimator.errors import EstimatorError
+from tactile_kit.estimator.kalman import KalmanFilter
+from tactile_kit.estimator.trainer import EstimatorTrainer
+from tactile_kit.shape import encoding
+from tactile_kit.simulation.simulator import Status
+from tactile_kit.task.config import TaskConfig
+from tactile_kit.task.goals import EpisodeSpec
+from tactile_kit.task.observation import Belief
+from tactile_kit.task.variants import Variants
+from tactile_kit.task.vec_env import ReorientVecEnv
+
+
+class TactileVecEnv(ReorientVecEnv):
+    """Environments whose observations hold the estimated object pose and its predicted uncertainties.
+
+    In training it also records what the estimator sees and trains it every ``ecrl.rollout`` steps, inside
+    ``step_wait``. Rewards and results are those of the true object all the same.
+
+    Args:
+        estimator: a trained or fresh cell, a Kalman filter, or the settings of a new cell (weights from ``seed``).
+        ecrl: the coupling's settings.
+        training: whether the estimator learns and truth may stand in for it; by default where no episodes are given.
+        others: as for :class:`ReorientVecEnv`.
+
+    Attributes:
+        estimator: the cell or filter in use.
+        coupling: states, recording and training.
+
+    Raises:
+        EstimatorError: the cell was made for another shape encoding.
+    """
+
+    sigma = True
+
+    def __init__(
+        self,
+        config: TaskConfig,
+        *,
+        num_envs: int,
+        num_workers: int = 1,
+        seed: int = 0,
+        episodes: Iterable[EpisodeSpec] | None = None,
+        variants: Variants | None = None,
+        estimator: EstimatorCell | KalmanFilter | EstimatorConfig | None = None,
+        ecrl: ECRLConfig | None = None,
+        training: bool | None = None,
+    ) -> None:
+        super().__init__(
+            config,
+            num_envs=num_envs,
+            num_workers=num_workers,
+            seed=seed,
+            episodes=episodes,
+            variants=variants,
+        )
+        try:
+            self.coupling = self._couple(estimator or EstimatorConfig(), ecrl or ECRLConfig(), seed)
+        except BaseException:
+            self.close()  # the workers are running already
+            raise
+        self.estimator = self.coupling.estimator
+        self.training = episodes is None if training is None else training
+
+    def _couple(
+        self, estimator: EstimatorCell | KalmanFilter | EstimatorConfig, ecrl: ECRLConfig, seed: int
+    ) -> Coupling:
+        if isinstance(estimator, KalmanFilter):
+            return Coupling(estimator, self.encoding, None, ecrl, self.num_envs, seed)
+        settings = estimator if isinstance(estimator, EstimatorConfig) else estimator.config
+        name = settings.encoding or self.config.encoding
+        shape = self.encoding if name == self.config.encoding else encoding(name, self.meshes)
+        cell = estimator if isinstance(estimator, EstimatorCell) else new_cell(settings, shape, seed)
+        if cell.shape_name != name:
+            raise EstimatorError(
+                f"the estimator reads encoding {cell.shape_name!r}, the task and settings say {name!r}"
+            )
+        trainer = EstimatorTrainer(cell, shape, encoding("bps", self.meshes), seed)
+        return Coupling(cell, shape, trainer, ecrl, self.num_envs, seed)
+
+    @property
+    def training(self) -> bool:
+        """Whether steps are recorded and the estimator is trained. Off, estimates always stand: rho is 0."""
+        return self.coupling.training
+
+    @training.setter
+    def training(self, value: bool) -> None:
+        self.coupling.training = bool(value) and self.coupling.trainer is not None
+
+    def _start_belief(self, mask: NDArray[np.bool_]) -> Belief:
+        self.coupling.start(mask, self.state.x, self.state.R, self.state.R0)
+        return Belief(*self.coupling.pose())
+
+    def _update_belief(self) -> Belief:
+        state, valid = self.state, self.simulation.views["status"] != Status.FAULT
+        self.coupling.update(state.z, state.given, state.x, state.R, valid)
+        return Belief(*self.coupling.pose())
+
+    def metrics(self) -> dict[str, float]:
+        """rho and what the last training of the estimator measured (``estimator/...``; errors in m and rad)."""
+        return self.coupling.metrics()
+
+    def get_state(self) -> dict[str, NDArray[Any]]:
+        """Weights, optimiser, recordings, states and counters as named arrays; the simulation is not in it."""
+        return self.coupling.get_state()
+
+    def set_state(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Inverse of :meth:`get_state`; a ``reset`` afterwards starts new episodes and keeps all that was learned."""
+        self.coupling.set_state(arrays)
