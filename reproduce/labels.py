@@ -24,11 +24,19 @@ def complex_objects() -> Sequence[Object]:
     return list(object_sets.load("complex"))
 
 
+SHORT = {  # for axes; the full names are in the object sets
+    "l_shape": "L",
+    "pentagon_prism": "pentagon",
+    "hexagonal_prism": "hexagon",
+    "rhombicuboctahedron": "26 sides",
+    "h_profile": "H",
+    "plus_prism": "plus",
+    "t_shape": "T",
+    "emergency_switch": "switch",
+}
+
+
 def object_label(item: Object, two_lines: bool = False) -> str:
     """'8 cube', or the number above the name for narrow axes."""
-    name = item.name.replace("_", " ")
-    if not two_lines:
-        return f"{item.id} {name}"
-    if len(name) > 13:  # the longest name would run into its neighbours
-        name = name[:6] + "…" + name[-6:]
-    return f"{item.id}\n" + "\n".join(name.split(" "))
+    name = SHORT.get(item.name, item.name.replace("_", " "))
+    return f"{item.id}\n{name}" if two_lines else f"{item.id} {name}"

@@ -42,7 +42,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
             axes.plot([], [], color=colour, marker=marker, label=f"{name} (too few for a fit of degree {values['degree']})")
             continue
         x = np.linspace(extents.min(), extents.max(), 200)
-        axes.plot(100 * x, np.clip(fit(x), 0, 1), color=colour, linewidth=1.8, marker=marker, markevery=[0], label=name)
+        axes.plot(100 * x, np.clip(fit(x), 0, 1), color=colour, linewidth=1.8, label=name)
     if not episodes:
         say_missing(axes, "missing: the tactile agent was not evaluated")
     axes.axvline(100 * values["median"], color=GREY, linewidth=0.8, linestyle=":")

@@ -10,7 +10,7 @@ import numpy as np
 import randomization
 from reproduce.cells import Cell, empty_cell, estimate_cell, paper_values, write_cells
 from reproduce.inventory import CURVES, Curve, Results
-from reproduce.style import LINES, figure, footnote, save, say_missing
+from reproduce.style import LINES, figure, footnote, save, say_missing, short
 from tactile_kit.evaluation.intervals import stratified_bootstrap
 from tactile_kit.evaluation.summary import Estimate
 
@@ -21,7 +21,7 @@ TAIL = 0.1  # the last tenth of training stands for "where the curve ends"
 def make(results: Results, outputs: Sequence[Path]) -> None:
     """``outputs``: PNG, SVG and a CSV of where the curves end."""
     values = paper_values("learning")
-    made, panels = figure(10.5, 3.5, 3)
+    made, panels = figure(10.5, 3.9, 3)
     cells: list[Cell] = []
     for axes, panel in zip(panels, values["panels"], strict=True):
         objects = panel["set"]
@@ -44,12 +44,14 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
         axes.set_xlabel("environment steps")
         axes.set_ylim(0, 1)
         axes.set_xlim(0, longest or 1)
+        axes.xaxis.set_major_formatter(lambda value, _: short(int(value)))
         if missing and len(missing) == len(CURVES[objects]):
             say_missing(axes, "missing: no run of this object set\n(" + ", ".join(missing) + ")")
             axes.set_xticks([])
         else:
             title = "missing: " + ", ".join(missing) if missing else None
-            axes.legend(loc="upper left", fontsize=7, title=title, title_fontsize=7)
+            place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.17), "ncols": 3}
+            axes.legend(fontsize=7, title=title, title_fontsize=7, columnspacing=1.2, **place)
     panels[0].set_ylabel("success rate in training, smoothed")
     footnote(
         made,

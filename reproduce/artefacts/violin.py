@@ -15,7 +15,7 @@ from reproduce.style import ORACLE as BLUE
 from reproduce.style import TACTILE as ORANGE
 from reproduce.style import figure, footnote, save, steps_text
 from tactile_kit.evaluation.rows import SUCCESS_ANGLE, EpisodeRow
-from tactile_kit.evaluation.summary import final_angles, mean_final_angle
+from tactile_kit.evaluation.summary import final_angles, group, mean_final_angle
 from tactile_kit.evaluation.summary import share as rate_of
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 BANDWIDTH = 0.06  # rad, of the Gaussian kernel
 HALF = 0.42  # width of half a violin at its widest
+WIDEST = 2.5  # 1/rad: the density that fills a half, at least; 95 % within 0.4 rad. Weak agents look thin.
 TOP = 1.62  # where what lies beyond the cut-off is drawn
 
 
@@ -33,17 +34,19 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     cells: list[Cell] = []
     objects = paper_objects()
     agents = ((ORACLE, "Oracle VecBPS", BLUE, -1), (TACTILE, "Tactile VecBPS", ORANGE, 1))
+    everyone = {role: by_object(results.rows(role, "nominal") or ()) for role, *_ in agents}
+    widest = max([WIDEST, *(shape(rows, cutoff)[1].max() for found in everyone.values() for rows in found.values())])
     for role, label, colour, side in agents:
-        rows = results.rows(role, "nominal")
+        rows = everyone[role]
         runs = results.evaluated(role, "nominal")
         steps = results.steps_trained(runs)
         said = f"{label}, {steps_text(steps)}" if rows else f"{label}: missing"
         axes.fill_between([], [], [], color=colour, alpha=0.75, linewidth=0, label=said)
         for item in objects:
-            mine = [row for row in rows or () if row.object_id == item.id]
+            mine = rows.get(item.id, [])
             cells += _cells(mine, object_label(item), label, cutoff, runs, steps, results.seed)
             if mine:
-                half_violin(axes, item.id, side, mine, cutoff, colour)
+                half_violin(axes, item.id, side, mine, cutoff, colour, widest)
             else:
                 axes.text(item.id + 0.2 * side, 0.75, "missing", rotation=90, ha="center", va="center", fontsize=6.5,
                           color="#8a8f98")
@@ -77,18 +80,27 @@ def lost(row: EpisodeRow, cutoff: float) -> bool:
     return row.drop or row.theta is None or row.theta > cutoff
 
 
-def half_violin(axes: Axes, x: float, side: int, rows: Sequence[EpisodeRow], cutoff: float, colour: str) -> None:
-    """One half: area in proportion to the share of episodes, so that bulge and lump can be compared."""
+def by_object(rows: Sequence[EpisodeRow]) -> dict[int, list[EpisodeRow]]:
+    return group(rows, lambda row: row.object_id)
+
+
+def shape(rows: Sequence[EpisodeRow], cutoff: float) -> tuple[np.ndarray, np.ndarray, int]:
+    """(grid (151,) rad, density (151,) 1/rad, episodes below the cut-off). The area is the share of such episodes."""
     kept = final_angles([row for row in rows if not lost(row, cutoff)])
     grid = np.linspace(0.0, cutoff, 151)
-    density = density_of(kept, grid) * (len(kept) / len(rows))
-    # 2.5 /rad fills the half: half of all episodes within 0.2 rad.
-    width = np.minimum(density / 2.5, 1.0) * HALF
-    axes.fill_betweenx(grid, x, x + side * width, color=colour, alpha=0.75, linewidth=0)
-    share = 1.0 - len(kept) / len(rows)
+    return grid, density_of(kept, grid) * (len(kept) / len(rows)), len(kept)
+
+
+def half_violin(
+    axes: Axes, x: float, side: int, rows: Sequence[EpisodeRow], cutoff: float, colour: str, widest: float
+) -> None:
+    """One half. All halves share one scale, so that bulges can be compared; the lump's width is its share."""
+    grid, density, kept = shape(rows, cutoff)
+    axes.fill_betweenx(grid, x, x + side * density / widest * HALF, color=colour, alpha=0.75, linewidth=0)
+    share = 1.0 - kept / len(rows)
     lump = np.linspace(TOP - 0.06, TOP + 0.06, 25)
-    shape = np.sqrt(np.maximum(0.0, 1 - ((lump - TOP) / 0.06) ** 2))
-    axes.fill_betweenx(lump, x, x + side * shape * share * HALF, color=colour, alpha=0.75, linewidth=0)
+    round_off = np.sqrt(np.maximum(0.0, 1 - ((lump - TOP) / 0.06) ** 2))
+    axes.fill_betweenx(lump, x, x + side * round_off * share * HALF, color=colour, alpha=0.75, linewidth=0)
     axes.text(x + side * 0.22, TOP + 0.065, f"{100 * share:.0f}", ha="center", va="bottom", fontsize=6, color=colour)
     axes.plot([x, x], [0, cutoff], color="white", linewidth=0.5)
 
