@@ -65,10 +65,10 @@ class SACConfig(Settings):
     gamma: float = Field(0.95, gt=0, le=1)
     tau: float = Field(0.005, gt=0, le=1)
     learning_rate: PositiveFloat = 3e-4
-    entropy_learning_rate: PositiveFloat = 3e-4
+    entropy_learning_rate: PositiveFloat = 1e-3
     target_entropy: float = -6.0
-    initial_temperature: PositiveFloat = 0.05
-    log_std: float = Field(-0.7, description="Bias of the actor's log sigma before the squashing.")
+    initial_temperature: PositiveFloat = 0.02
+    log_std: float = Field(-1.5, description="Initial log sigma before the squashing: the target entropy's, roughly.")
     actor_every: PositiveInt = Field(1, description="Critic updates an actor update.")
     random_goals: float = Field(0.25, ge=0, le=1, description="Share of each batch given random goals on SO(3).")
     future_goals: float = Field(0.25, ge=0, le=1, description="Share given orientations reached later.")

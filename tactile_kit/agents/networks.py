@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import torch
 import torch.nn.functional as F
@@ -178,7 +179,7 @@ class Perceptron(nn.Module):
         widths = [0, *config.hidden]
         self.layers = nn.ModuleList(
             nn.Linear(before + (inputs if index == 0 or config.dense else 0), after)
-            for index, (before, after) in enumerate(zip(widths[:-1], widths[1:], strict=True))
+            for index, (before, after) in enumerate(pairwise(widths))
         )
         norms = [nn.LayerNorm(width) for width in config.hidden] if config.layer_norm else []
         self.norms = nn.ModuleList(norms)
@@ -295,7 +296,7 @@ class CriticEnsemble(nn.Module):
         self.activation = ACTIVATIONS[config.activation]()
         widths = [actions + features.features_dim, *config.hidden, 1]
         self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
-        for before, after in zip(widths[:-1], widths[1:], strict=True):
+        for before, after in pairwise(widths):
             bound = before**-0.5
             self.weights.append(nn.Parameter(torch.empty(critics, after, before).uniform_(-bound, bound)))
             self.biases.append(nn.Parameter(torch.empty(critics, 1, after).uniform_(-bound, bound)))

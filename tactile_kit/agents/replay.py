@@ -34,9 +34,19 @@ class Batch:
     terminated: torch.Tensor
 
 
+def angle(a, b):
+    """Geodesic angle between ``(B, 3, 3)`` rotations, rad.
+
+    From sine and cosine: in float32 the chord alone (``rotations.geodesic``) would lose half its digits near pi.
+    """
+    turn = a @ b.transpose(0, 2, 1)
+    x, y, z = turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]
+    return np.arctan2(np.sqrt(x * x + y * y + z * z), turn[:, 0, 0] + turn[:, 1, 1] + turn[:, 2, 2] - 1.0)
+
+
 def rotation_reward(before, after, goal, weight: float, clip: float):
     """The paper's rotation term, lambda_theta min(theta_before - theta_after, theta_clip), ``(B,)``."""
-    return weight * np.minimum(rotations.geodesic(before, goal) - rotations.geodesic(after, goal), clip)
+    return weight * np.minimum(angle(before, goal) - angle(after, goal), clip)
 
 
 def goal_term(goal, belief):
@@ -221,7 +231,7 @@ class GoalReplay(BaseBuffer):
         """Inverse of :meth:`arrays`; raises ValueError naming the entry whose shape or type does not fit."""
         pos, full, time, rows, envs = (int(value) for value in state["counters"])
         if (rows, envs) != (self.rows, self.n_envs):
-            raise ValueError(f"replay of {rows} x {envs} transitions does not fit this one of {self.rows} x {self.n_envs}")
+            raise ValueError(f"replay of {rows} x {envs} transitions, this one holds {self.rows} x {self.n_envs}")
         filled = rows if full else pos
         for name in self._ROWS:
             target = getattr(self, name)

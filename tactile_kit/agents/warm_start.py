@@ -74,7 +74,7 @@ def transplant(
 
 
 def _reads_features(name: str, given: Tensor, target: Tensor, old: int, new: int) -> bool:
-    if ".layers." not in f".{name}" and not name.endswith("weights.0") or given.ndim < 2:
+    if (".layers." not in f".{name}" and not name.endswith("weights.0")) or given.ndim < 2:
         return False
     head = given.shape[-1] - old
     return head >= 0 and head == target.shape[-1] - new and given.shape[:-1] == target.shape[:-1]

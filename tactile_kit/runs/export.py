@@ -80,7 +80,8 @@ def model_card(name: str, manifest: Manifest, evaluation: dict[str, Any] | None 
     lines = [
         f"# {name}",
         "",
-        f"{'An' if manifest.kind == 'oracle' else 'A'} {manifest.kind} agent for in-hand reorientation with a simulated four-fingered hand. It sees {sees}.",
+        f"{'An' if manifest.kind == 'oracle' else 'A'} {manifest.kind} agent for in-hand reorientation with a "
+        f"simulated four-fingered hand. It sees {sees}.",
         f"Shape encoding `{manifest.encoding}`, objects `{manifest.objects}`, seed {manifest.seed}.",
         "",
         "## Training",
@@ -112,7 +113,7 @@ def model_card(name: str, manifest: Manifest, evaluation: dict[str, Any] | None 
         "actions = agent.act(observations)  # (B, D) float32 -> (B, 12) in [-1, 1]",
         "```",
         "",
-        "Weights are safetensors; `agent.json` holds everything needed to build the networks, and the weights' digests.",
+        "Weights are safetensors; `agent.json` holds what is needed to build the networks, and the weights' digests.",
     ]
     return "\n".join(lines) + "\n"
 
@@ -128,12 +129,12 @@ def _amount(manifest: Manifest) -> str:
     share = steps / PAPER_STEPS[manifest.kind]
     if steps < 1_000_000:
         return (
-            "**This agent is barely trained**: enough to show that every part works, far too little to reorient objects. "
-            "Its numbers say nothing about the method."
+            "**This agent is barely trained**: enough to show that every part works, far too little to reorient "
+            "objects. Its numbers say nothing about the method."
         )
     if share < 0.1:
         return (
-            f"That is about {share:.1%} of what the paper's agents saw (of the order of {PAPER_STEPS[manifest.kind]:.0e} "
-            "steps): expect it to be much worse than the paper's."
+            f"That is about {share:.1%} of what the paper's agents saw (of the order of "
+            f"{PAPER_STEPS[manifest.kind]:.0e} steps): expect it to be much worse than the paper's."
         )
     return "That is of the order of the paper's training."

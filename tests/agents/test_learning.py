@@ -1,0 +1,189 @@
+"""Both learners learn the toy task; their pieces follow the rules they claim."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from toy_task import ToyEnv
+
+from tactile_kit.agents.config import NetworkConfig, PPOConfig, SACConfig
+from tactile_kit.agents.ppo import PPO, adapted_rate, gaussian_divergence, gaussian_log_density
+from tactile_kit.agents.sac import SAC
+from tactile_kit.runs.metrics import Tracker
+
+SMALL = NetworkConfig(hidden=(64, 64), activation="relu", dense=False)
+SAC_TOY = SACConfig(
+    capacity=40_000, batch=128, updates=2, warmup=400, learning_rate=1e-3, bfloat16=False,
+    actor=SMALL, critic=SMALL.model_copy(update={"layer_norm": True}),
+)  # fmt: skip
+PPO_TOY = PPOConfig(
+    rollout=32, minibatch=256, actor=NetworkConfig(hidden=(64, 64)), critic=NetworkConfig(hidden=(64, 64))
+)
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def run(learner, iterations: int) -> list[float]:
+    """Mean final angles of the first and the last fifth of the episodes."""
+    tracker, angles = Tracker(), []
+    learner._setup_learn(10**9, tracker)
+    for _ in range(iterations):
+        before = tracker.episodes
+        learner.iterate(tracker)
+        new = min(tracker.episodes - before, len(tracker.window["theta"]))
+        angles += list(tracker.window["theta"])[len(tracker.window["theta"]) - new :] if new else []
+    fifth = len(angles) // 5
+    return [float(np.mean(angles[:fifth])), float(np.mean(angles[-fifth:]))]
+
+
+def test_sac_with_relabelling_learns() -> None:
+    first, last = run(SAC(ToyEnv(16, seed=1), SAC_TOY, seed=0), 450)
+    assert first > 1.2 and last < 0.5
+
+
+def test_sac_learns_from_wrong_beliefs_with_true_rewards() -> None:
+    first, last = run(SAC(ToyEnv(16, seed=1, belief_error=0.3), SAC_TOY, seed=0), 450)
+    assert last < 0.7 and last < first
+
+
+def test_ppo_improves() -> None:
+    first, last = run(PPO(ToyEnv(32, seed=1), PPO_TOY, seed=0), 30)
+    assert first > 1.2 and last < 0.85
+
+
+def test_sb3_learn_works_too() -> None:
+    sac = SAC(ToyEnv(4), SAC_TOY.model_copy(update={"warmup": 100}), seed=0)
+    sac.learn(400)
+    assert sac.num_timesteps == 400 and sac._n_updates == 2 * (100 - 25)
+    ppo = PPO(ToyEnv(8), PPO_TOY, seed=0)
+    ppo.learn(512)
+    assert ppo.num_timesteps == 512 and ppo._n_updates == 2 * 5 * 1
+
+
+def test_fractional_updates_accumulate() -> None:
+    sac = SAC(ToyEnv(4), SAC_TOY.model_copy(update={"updates": 0.25, "warmup": 4}), seed=0)
+    sac.learn(4 * 101)
+    assert sac._n_updates == 25
+
+
+def test_learning_happens_while_the_environment_steps() -> None:
+    calls: list[str] = []
+
+    class Watched(ToyEnv):
+        def step_async(self, actions):
+            calls.append("async")
+            super().step_async(actions)
+
+        def step_wait(self):
+            calls.append("wait")
+            return super().step_wait()
+
+    sac = SAC(Watched(4), SAC_TOY.model_copy(update={"warmup": 4}), seed=0)
+    train = sac.train
+    sac.train = lambda *args: (calls.append("train"), train(*args))  # type: ignore[method-assign]
+    sac.learn(12)
+    assert calls == ["async", "wait", "async", "train", "wait", "async", "train", "wait"]
+
+
+def test_runs_repeat_whatever_the_global_generators_hold() -> None:
+    results = []
+    for global_seed in (0, 1):
+        torch.manual_seed(global_seed)
+        np.random.seed(global_seed)  # noqa: NPY002
+        before = torch.get_rng_state()
+        sac, ppo = SAC(ToyEnv(4), SAC_TOY, seed=7), PPO(ToyEnv(8), PPO_TOY, seed=7)
+        sac.learn(600)
+        ppo.learn(512)
+        assert torch.equal(before, torch.get_rng_state())
+        results.append([p.detach().clone() for each in (sac, ppo) for p in each.policy.parameters()])
+    assert all(torch.equal(a, b) for a, b in zip(*results, strict=True))
+    other = SAC(ToyEnv(4), SAC_TOY, seed=8)
+    assert not torch.equal(next(other.policy.parameters()), results[0][0])
+
+
+def test_bfloat16_updates_stay_close_and_finite() -> None:
+    losses = []
+    for bfloat16 in (False, True):
+        sac = SAC(ToyEnv(4), SAC_TOY.model_copy(update={"bfloat16": bfloat16, "warmup": 100}), seed=0)
+        sac.learn(400)
+        losses.append(sac.metrics()["critic_loss"])
+    assert losses[1] == pytest.approx(losses[0], rel=0.1) and losses[0] != losses[1]
+
+
+def test_target_networks_follow_slowly() -> None:
+    config = SAC_TOY.model_copy(update={"warmup": 8, "updates": 1.0, "tau": 0.25})
+    sac = SAC(ToyEnv(8), config, seed=0)
+    sac.learn(8)
+    target = [p.clone() for p in sac.critic_target.network.parameters()]
+    sac.train(1)
+    for old, new, source in zip(
+        target, sac.critic_target.network.parameters(), sac.critic.network.parameters(), strict=True
+    ):
+        torch.testing.assert_close(new, old + 0.25 * (source - old))
+
+
+@pytest.mark.parametrize(
+    ("divergence", "expected"),
+    [(0.1, 1e-3 / 1.5), (0.033, 1e-3 / 1.5), (0.032, 1e-3), (0.016, 1e-3), (0.008, 1e-3), (0.0079, 1.5e-3)],
+)
+def test_learning_rate_rule(divergence: float, expected: float) -> None:
+    assert adapted_rate(1e-3, divergence, 0.016, (1e-6, 1e-2)) == pytest.approx(expected)
+
+
+def test_learning_rate_stays_in_bounds() -> None:
+    assert adapted_rate(1.2e-6, 1.0, 0.016, (1e-6, 1e-2)) == 1e-6
+    assert adapted_rate(9e-3, 0.0, 0.016, (1e-6, 1e-2)) == 1e-2
+
+
+def test_divergence_and_density_against_torch() -> None:
+    torch.manual_seed(0)
+    mean, old = torch.randn(9, 4), torch.randn(9, 4)
+    log_std, old_log_std = torch.randn(4) * 0.3, torch.randn(4) * 0.3
+    p = torch.distributions.Normal(old, old_log_std.exp().expand(9, 4))
+    q = torch.distributions.Normal(mean, log_std.exp().expand(9, 4))
+    wanted = torch.distributions.kl_divergence(p, q).sum(1).mean()
+    torch.testing.assert_close(gaussian_divergence(mean, log_std, old, old_log_std), wanted)
+    x = torch.randn(9, 4)
+    torch.testing.assert_close(gaussian_log_density(x, mean, log_std), q.log_prob(x).sum(1))
+
+
+def test_ppo_bootstraps_time_outs_and_nothing_else() -> None:
+    ppo = PPO(ToyEnv(3), PPO_TOY, seed=0)
+    observation = np.ones(ppo.observation_space.shape, np.float32)
+    infos = [
+        {"terminal_observation": observation, "TimeLimit.truncated": True},
+        {"terminal_observation": observation, "TimeLimit.truncated": False},
+        {},
+    ]
+    rewards = ppo._bootstrap(np.zeros(3, np.float32), infos, np.array([True, True, False]))
+    with torch.no_grad():
+        value = ppo.policy.predict_values(torch.from_numpy(observation[None])).item()
+    assert rewards.tolist() == pytest.approx([0.99 * value, 0.0, 0.0]) and value != 0
+
+
+def test_ppo_normaliser_moves_after_the_update_only() -> None:
+    ppo = PPO(ToyEnv(8), PPO_TOY, seed=0)
+    counts = []
+    train = ppo.train
+    ppo.train = lambda: (counts.append(float(ppo.policy.norm.count[0])), train())  # type: ignore[method-assign]
+    ppo.learn(3 * 8 * 32)
+    assert counts == [0.0, 256.0, 512.0]
+
+
+def test_divergence_of_learning_is_an_error() -> None:
+    sac = SAC(ToyEnv(4), SAC_TOY.model_copy(update={"warmup": 8}), seed=0)
+    sac.learn(40)
+    with torch.no_grad():
+        sac.critic.network.weights[0][0, 0, 0] = math.nan
+    sac.train(1)
+    with pytest.raises(FloatingPointError, match="critic_loss|actor_loss|value"):
+        sac.metrics()

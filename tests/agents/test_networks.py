@@ -1,0 +1,164 @@
+"""Networks: normalisation, D2RL wiring, the learned shape layer, the critics' batched form."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from gymnasium import spaces
+
+from tactile_kit.agents.config import NetworkConfig, PPOConfig, SACConfig
+from tactile_kit.agents.networks import (
+    CriticEnsemble,
+    GaussianPolicy,
+    InputLayout,
+    ObservationFeatures,
+    Perceptron,
+    RunningNorm,
+)
+from tactile_kit.shape import ENCODINGS
+
+PLAIN = InputLayout((("joints", 4), ("goal", 6), ("shape", 3)))
+
+
+def features(layout: InputLayout) -> ObservationFeatures:
+    return ObservationFeatures(spaces.Box(-np.inf, np.inf, (layout.size,), np.float32), layout)
+
+
+def test_norm_matches_statistics_of_everything_seen() -> None:
+    rng = np.random.default_rng(0)
+    data = rng.normal([3.0, -0.01, 1e3], [0.5, 1e-3, 40.0], (700, 3)).astype(np.float32)
+    norm = RunningNorm(3)
+    for part in np.array_split(data, 13):
+        norm.update(torch.from_numpy(part))
+    np.testing.assert_allclose(norm.mean, data.astype(np.float64).mean(0), rtol=1e-12)
+    np.testing.assert_allclose(norm.variance, data.astype(np.float64).var(0), rtol=1e-9)
+    # tenths of a micron of deviation are kept apart from zero by the floor of 1e-4, hence the loose bound
+    out = norm(torch.from_numpy(data))
+    assert out.mean(0).abs().max() < 1e-2 and (out.std(0) - 1).abs().max() < 2e-2
+
+
+def test_norm_clips_and_is_frozen_but_for_update() -> None:
+    norm = RunningNorm(2)
+    norm.update(torch.randn(100, 2, generator=torch.Generator().manual_seed(0)))
+    before = {name: tensor.clone() for name, tensor in norm.state_dict().items()}
+    assert norm(torch.tensor([[1e6, -1e6]])).tolist() == [[5.0, -5.0]]
+    norm.train()
+    norm(torch.randn(10, 2))
+    assert all(torch.equal(before[name], tensor) for name, tensor in norm.state_dict().items())
+
+
+def test_norm_survives_a_state_dict() -> None:
+    norm, other = RunningNorm(4), RunningNorm(4)
+    norm.update(torch.randn(50, 4) * 7 + 3)
+    other.load_state_dict(norm.state_dict())
+    x = torch.randn(5, 4)
+    assert torch.equal(norm(x), other(x))
+
+
+def test_pooled_entries_share_their_statistics() -> None:
+    norm = RunningNorm(5, pooled=slice(2, 5))
+    data = torch.randn(200, 5, generator=torch.Generator().manual_seed(1)) * torch.tensor([1, 1, 1, 5, 9.0])
+    for part in data.split(50):
+        norm.update(part)
+    assert torch.unique(norm.mean[2:]).numel() == 1 and torch.unique(norm.variance[2:]).numel() == 1
+    assert math.isclose(float(norm.variance[2]), float(data[:, 2:].double().var(correction=0)), rel_tol=1e-9)
+
+
+def test_d2rl_concatenates_the_input_to_every_hidden_layer() -> None:
+    net = Perceptron(353, NetworkConfig())
+    assert [layer.in_features for layer in net.layers] == [353, 512 + 353, 512 + 353, 256 + 353]
+    assert [layer.out_features for layer in net.layers] == [512, 512, 256, 128]
+    assert isinstance(net.activation, torch.nn.ELU)
+    plain = Perceptron(353, NetworkConfig(dense=False))
+    assert [layer.in_features for layer in plain.layers] == [353, 512, 512, 256]
+
+
+def test_d2rl_against_a_loop_by_hand() -> None:
+    torch.manual_seed(0)
+    net, x = Perceptron(5, NetworkConfig(hidden=(7, 6))), torch.randn(3, 5)
+    first = torch.nn.functional.elu(x @ net.layers[0].weight.T + net.layers[0].bias)
+    second = torch.nn.functional.elu(
+        torch.cat([first, x], 1) @ net.layers[1].weight.T + net.layers[1].bias
+    )
+    torch.testing.assert_close(net(x), second)
+
+
+@pytest.mark.parametrize("name", sorted(ENCODINGS))
+def test_learned_shape_layer_stands_where_the_encoding_has_one(name: str) -> None:
+    encoding = ENCODINGS[name]
+    terms = [("joints", 4), ("goal", 6)]
+    if encoding.observation_size:
+        terms.append(("shape", encoding.observation_size))
+    terms.append(("pose", 9))
+
+    class Instance:
+        size, observation_size = encoding.size, encoding.observation_size
+
+        @staticmethod
+        def features():
+            return encoding.features(None)
+
+    extractor = features(InputLayout.of_encoding(tuple(terms), Instance))
+    out = extractor(torch.randn(3, sum(size for _, size in terms)))
+    assert out.shape == (3, 4 + 6 + encoding.size + 9) == (3, extractor.features_dim)
+    assert (extractor.shape is not None) == (encoding.size != encoding.observation_size)
+
+
+def test_rest_action_is_what_an_untrained_policy_takes() -> None:
+    rest = (0.3, -0.9)
+    for squashed, bounded in ((True, False), (False, True), (False, False)):
+        policy = GaussianPolicy(
+            features(PLAIN), 2, NetworkConfig(hidden=(16,)), squashed=squashed, bounded=bounded, rest=rest
+        )
+        actions = policy.act(torch.randn(50, PLAIN.size))
+        assert (actions - torch.tensor(rest)).abs().max() < 0.05
+
+
+def test_squashed_density_integrates_to_one() -> None:
+    torch.manual_seed(0)
+    policy = GaussianPolicy(features(PLAIN), 1, NetworkConfig(hidden=(8,)), squashed=True, log_std=-0.5)
+    with torch.no_grad():
+        latent = policy.features(torch.randn(1, PLAIN.size))
+        grid = torch.linspace(-0.9999, 0.9999, 20001)
+        mean, log_std = policy.moments(latent)
+        noise = ((torch.atanh(grid) - mean[0]) / log_std[0].exp())[:, None]
+        action, density = policy.squashed_sample(latent.expand(len(grid), -1), noise)
+    torch.testing.assert_close(action[:, 0], grid, atol=1e-5, rtol=0)
+    assert abs(torch.trapezoid(density.exp(), grid).item() - 1) < 1e-3
+
+
+def test_critics_equal_separate_networks() -> None:
+    torch.manual_seed(0)
+    config = NetworkConfig(hidden=(9, 8), activation="relu", dense=False, layer_norm=True)
+    ensemble = CriticEnsemble(features(PLAIN), 2, config, critics=3)
+    for gain, offset in zip(ensemble.gains, ensemble.offsets, strict=True):
+        torch.nn.init.normal_(gain)
+        torch.nn.init.normal_(offset)
+    x, a = torch.randn(11, PLAIN.size), torch.rand(11, 2) * 2 - 1
+    for index, value in enumerate(ensemble(x, a)):
+        hidden = torch.cat([a, ensemble.features(x)], 1)
+        for layer in range(3):
+            hidden = hidden @ ensemble.weights[layer][index].T + ensemble.biases[layer][index]
+            if layer < 2:
+                hidden = torch.nn.functional.layer_norm(
+                    hidden, hidden.shape[-1:], ensemble.gains[layer][index, 0], ensemble.offsets[layer][index, 0]
+                )
+                hidden = torch.relu(hidden)
+        torch.testing.assert_close(value, hidden)
+
+
+def test_presets() -> None:
+    paper = PPOConfig.preset("paper")
+    assert (paper.minibatch, paper.kl_threshold, paper.clip, paper.entropy) == (2**15, 0.016, 0.2, 1e-3)
+    assert (paper.gamma, paper.gae_lambda, paper.critic_coefficient, paper.weight_decay) == (0.99, 0.95, 4.0, 1e-5)
+    assert paper.actor == paper.critic == NetworkConfig(hidden=(512, 512, 256, 128), activation="elu", dense=True)
+    sac = SACConfig.preset("small")
+    assert (sac.gamma, sac.batch, sac.target_entropy) == (0.95, 512, -6.0)
+    assert sac.critic.layer_norm and sac.critic.hidden == (256, 256)
+    with pytest.raises(ValueError, match="'paper' or 'small'"):
+        PPOConfig.preset("large")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="dense"):
+        CriticEnsemble(features(PLAIN), 2, NetworkConfig())
