@@ -140,14 +140,19 @@ class Results:
         return None if file is None else read_json(file)
 
     def steps_trained(self, names: Sequence[str]) -> list[int]:
-        """Environment steps each of these runs was trained for."""
+        """Environment steps each of these runs was trained for, those before its warm start included."""
         manifests = [self.manifest(name) for name in names]
-        return [int(manifest["steps"]) for manifest in manifests if manifest is not None]
+        return [steps_of(manifest) for manifest in manifests if manifest is not None]
 
     def curves(self, role: str) -> list[Curve]:
         """Learning curves of the runs of that role that are there."""
         files = {name: self.content["runs"][name]["metrics"] for name in self.run_names(role)}
         return [read_curve(name, Path(file)) for name, file in files.items() if file is not None]
+
+
+def steps_of(manifest: dict[str, Any]) -> int:
+    """Environment steps behind an agent: its own and those of the agent it started from."""
+    return int(manifest["steps"]) + int((manifest.get("warm_start") or {}).get("steps", 0))
 
 
 def read_curve(run: str, path: Path) -> Curve:

@@ -36,8 +36,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
                 continue
             steps, low, mean, high = band(curves)
             longest = max(longest, int(steps[-1]))
-            seeds = f"{len(curves)} seed{'s' if len(curves) > 1 else ''}"
-            axes.plot(steps, mean, color=colour, linewidth=1.4, label=f"{label} ({seeds})")
+            axes.plot(steps, mean, color=colour, linewidth=1.4, label=f"{label} ({len(curves)})")
             if len(curves) > 1:
                 axes.fill_between(steps, low, high, color=colour, alpha=0.18, linewidth=0)
         axes.set_title(panel["title"])
@@ -50,12 +49,12 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
             axes.set_xticks([])
         else:
             title = "missing: " + ", ".join(missing) if missing else None
-            place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.17), "ncols": 3}
-            axes.legend(fontsize=7, title=title, title_fontsize=7, columnspacing=1.2, **place)
+            place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.17), "ncols": 4}
+            axes.legend(fontsize=7, title=title, title_fontsize=7, columnspacing=1.0, handlelength=1.2, **place)
     panels[0].set_ylabel("success rate in training, smoothed")
     footnote(
         made,
-        f"Scale {results.scale}. Line: mean over seeds; band: smallest to largest seed. The paper shows three seeds a line,"
+        f"Scale {results.scale}. Line: mean over seeds (their number in brackets); band: smallest to largest seed. The paper shows three seeds a line,"
         " and its curves as a picture only.",
     )
     save(made, outputs)

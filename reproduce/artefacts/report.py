@@ -1,0 +1,114 @@
+"""report/index.html: one self-contained page with every table, figure and claim, and how far each agent was trained."""
+
+from __future__ import annotations
+
+import base64
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from reproduce.cells import MEASURED, Cell, percent, read_cells
+from reproduce.files import read_yaml
+from reproduce.inventory import Results, steps_of
+from reproduce.style import short
+from tactile_kit.evaluation.rows import read_rows
+
+PAPER_AGENTS = {"oracle": "7 to 11 hours", "tactile": "about 60 hours"}  # paper, Sec. II-G: 4096 environments, one GPU
+BARELY = 1_000_000  # environment steps: a few minutes of the paper's 4096 environments
+
+
+def make(results: Results, outputs: Sequence[Path]) -> None:
+    """``outputs``: the HTML page. Tables and figures are taken from beside it."""
+    import jinja2
+
+    from reproduce.files import write_atomic
+
+    folder = Path(__file__).parent
+    loader = jinja2.FileSystemLoader(folder)
+    environment = jinja2.Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"percent": percent, "short": short, "cell": cell_text}
+    page = environment.get_template("report.html.jinja").render(**content(results, outputs[0].parents[1]))
+    write_atomic(outputs[0], page)
+
+
+def content(results: Results, out: Path) -> dict[str, Any]:
+    """What the page shows, as plain data."""
+    texts = read_yaml(Path(__file__).parents[1] / "paper_values" / "report.yaml")
+    with (out / "claims.csv").open(newline="", encoding="utf-8") as file:
+        claims = list(csv.DictReader(file))
+    agents = [_agent(results, name) for name in results.content["runs"]]
+    there = [agent for agent in agents if agent["there"]]
+    benchmark = [agent for agent in there if agent["evaluated"]]
+    tables = [{**text, "cells": read_cells(out / "tables" / f"{text['name']}.csv")} for text in texts["tables"]]
+    for table in tables:
+        table["rows"] = _by_row(table["cells"])
+    figures = []
+    for text in texts["figures"]:
+        cells = read_cells(out / "figures" / f"{text['name']}.csv")
+        figures.append({**text, "cells": cells, "image": _image(out / "figures" / text["name"])})
+    return {
+        "scale": results.scale,
+        "description": results.content["description"],
+        "source": results.content["source"],
+        "agents": agents,
+        "missing": [agent["name"] for agent in agents if not agent["there"]],
+        "most_steps": max((agent["steps"] for agent in benchmark), default=0),
+        "barely": bool(benchmark) and any(agent["steps"] < BARELY for agent in benchmark),
+        "claims": claims,
+        "counts": {v: sum(c["verdict"] == v for c in claims) for v in ("reproduced", "not reproduced", "not measured")},
+        "tables": tables,
+        "figures": figures,
+        "paper_agents": PAPER_AGENTS,
+        "episodes": _episodes(results),
+    }
+
+
+def _agent(results: Results, name: str) -> dict[str, Any]:
+    manifest = results.manifest(name)
+    evaluated = any(file and key.startswith(f"{name}/") for key, file in results.content["episodes"].items())
+    agent = {"name": name, "there": manifest is not None, "evaluated": evaluated}
+    if manifest is None:
+        return agent
+    return agent | {
+        "kind": manifest["kind"],
+        "encoding": manifest["encoding"],
+        "algorithm": str(manifest.get("algorithm", "")).upper(),
+        "steps": steps_of(manifest),
+        "own_steps": int(manifest["steps"]),
+        "hours": float(manifest.get("hours", 0.0)),
+        "warm_start": (manifest.get("warm_start") or {}).get("from"),
+    }
+
+
+def _episodes(results: Results) -> int:
+    return sum(len(read_rows(file)) for file in results.content["episodes"].values() if file is not None)
+
+
+def _by_row(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
+    rows: dict[str, list[Cell]] = {}
+    for cell in cells:
+        rows.setdefault(cell.row, []).append(cell)
+    return rows
+
+
+def _image(stem: Path) -> str:
+    """The figure as a data URI: SVG where it is small, else PNG (renderings of meshes are large as SVG)."""
+    svg, png = stem.with_suffix(".svg").read_bytes(), stem.with_suffix(".png").read_bytes()
+    kind, data = ("svg+xml", svg) if len(svg) < 600_000 else ("png", png)
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def cell_text(cell: Cell, value: float | None = None) -> str:
+    """A number of the cell in its own unit: rates as 0.97, changes as +3.0 %, angles as 1.20 rad. Default: ours."""
+    if value is None:
+        if cell.status != MEASURED:
+            return cell.status
+        value = cell.ours
+    if cell.quantity.startswith("relative"):
+        return f"{100 * value:+.1f} %"
+    if "(rad)" in cell.quantity:
+        return f"{value:.2f} rad"
+    if "(m)" in cell.quantity:
+        return f"{1000 * value:.1f} mm"
+    return f"{value:.2f}"
