@@ -110,9 +110,7 @@ class ImpedanceController:
 
         The returned array is overwritten by the next call.
         """
-        _torques(
-            q, dq, command, self._stiffness, self._damping, self._limit, self._feedforward, self._out
-        )
+        _torques(q, dq, command, self._stiffness, self._damping, self._limit, self._feedforward, self._out)
         return self._out
 
     def measured(self, q: Array, command: Array) -> Array:

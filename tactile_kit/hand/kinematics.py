@@ -91,7 +91,9 @@ def joint_origins(finger: int) -> list[Array]:
         base,
         _homogeneous(Rotation.from_euler("x", 90, degrees=True).as_matrix(), np.zeros(3)),
         _homogeneous(np.eye(3), np.array([PROXIMAL_LENGTH, 0, 0])),
-        _homogeneous(Rotation.from_euler("z", -90, degrees=True).as_matrix(), np.array([MIDDLE_LENGTH, 0, 0])),
+        _homogeneous(
+            Rotation.from_euler("z", -90, degrees=True).as_matrix(), np.array([MIDDLE_LENGTH, 0, 0])
+        ),
     ]
 
 

@@ -72,7 +72,10 @@ def hand_urdf() -> str:
             rpy = Rotation.from_matrix(origin[:3, :3]).as_euler("xyz")
             ElementTree.SubElement(hinge, "origin", xyz=_numbers(origin[:3, 3]), rpy=_numbers(rpy))
             ElementTree.SubElement(hinge, "axis", xyz="0 0 1")
-            bounds = {"lower": f"{lower[4 * finger + index]:.9g}", "upper": f"{upper[4 * finger + index]:.9g}"}
+            bounds = {
+                "lower": f"{lower[4 * finger + index]:.9g}",
+                "upper": f"{upper[4 * finger + index]:.9g}",
+            }
             ElementTree.SubElement(hinge, "limit", effort="10", velocity="100", **bounds)
             parent = name
     ElementTree.indent(robot)

@@ -70,7 +70,9 @@ class Body:
         self._vertices = [part.tolist() for part in thing.parts]
         self._file = None
         if len(thing.parts) > 1:
-            self._file = str(_write_once(cache_directory() / "bodies" / f"{thing.digest}.obj", _obj_text(thing.parts)))
+            self._file = str(
+                _write_once(cache_directory() / "bodies" / f"{thing.digest}.obj", _obj_text(thing.parts))
+            )
 
     def create(self, bullet, mass: float) -> int:
         """Make the body of ``mass`` kg in the client ``bullet``; returns its id."""
@@ -79,7 +81,9 @@ class Body:
         else:
             shape = bullet.createCollisionShape(bullet.GEOM_MESH, fileName=self._file)
         if shape < 0:
-            raise RuntimeError(f"Bullet made no collision shape for {self.name} ({self._file or 'one convex part'})")
+            raise RuntimeError(
+                f"Bullet made no collision shape for {self.name} ({self._file or 'one convex part'})"
+            )
         body = bullet.createMultiBody(
             baseMass=mass,
             baseCollisionShapeIndex=shape,

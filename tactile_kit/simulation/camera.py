@@ -9,12 +9,20 @@ from numpy.typing import NDArray
 from tactile_kit.simulation.world import World
 
 
-def picture(world: World, size: int = 480, distance: float = 0.42, yaw: float = 60.0, pitch: float = 12.0) -> NDArray:
+def picture(
+    world: World, size: int = 480, distance: float = 0.42, yaw: float = 60.0, pitch: float = 12.0
+) -> NDArray:
     """RGB image ``(size, size, 3) uint8`` of hand and object, seen from ``distance`` m around the nominal centre."""
     bullet = world.bullet
     view = pybullet.computeViewMatrixFromYawPitchRoll((-0.01, 0.0, 0.04), distance, yaw, pitch, 0, 2)
     projection = pybullet.computeProjectionMatrixFOV(45, 1.0, 0.02, 2.0)
     _, _, pixels, _, _ = bullet.getCameraImage(
-        size, size, view, projection, lightDirection=(0.4, -0.6, 1.0), shadow=1, renderer=pybullet.ER_TINY_RENDERER
+        size,
+        size,
+        view,
+        projection,
+        lightDirection=(0.4, -0.6, 1.0),
+        shadow=1,
+        renderer=pybullet.ER_TINY_RENDERER,
     )
     return np.asarray(pixels, dtype=np.uint8).reshape(size, size, 4)[:, :, :3]

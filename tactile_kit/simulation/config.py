@@ -15,9 +15,17 @@ class SimulationConfig(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     steps_per_second: int = Field(
-        default=60, ge=60, le=6000, description="physics steps a second; a multiple of the 60 Hz measurement rate"
+        default=60,
+        ge=60,
+        le=6000,
+        description="physics steps a second; a multiple of the 60 Hz measurement rate",
     )
-    solver_iterations: int = Field(default=50, ge=4, le=500, description="iterations of Bullet's constraint solver; with 20 a held cube creeps 5 mm/s")
+    solver_iterations: int = Field(
+        default=50,
+        ge=4,
+        le=500,
+        description="iterations of Bullet's constraint solver; with 20 a held cube creeps 5 mm/s",
+    )
     filter_time_constant: float = Field(
         default=0.27, gt=0, le=2, description="time constant of the command low-pass filter, s"
     )

@@ -46,7 +46,9 @@ def _close(world: World) -> None:
     """Close every finger until it feels the object."""
     target = np.clip(kinematics.MEAN_GRASP + OPENING, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
     for _ in range(CLOSING_STEPS):
-        lag = (world.command - world.joints[kinematics.DRIVEN_INDEX]).reshape(kinematics.FINGERS, kinematics.DRIVEN)
+        lag = (world.command - world.joints[kinematics.DRIVEN_INDEX]).reshape(
+            kinematics.FINGERS, kinematics.DRIVEN
+        )
         free = lag[:, 1:].max(axis=1) < FELT
         target = target + (free[:, None] * CLOSING).ravel()
         target = np.clip(target, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
@@ -105,7 +107,9 @@ class GraspBank:
     def joined(cls, banks: Sequence[GraspBank]) -> GraspBank:
         """One bank over the objects of several."""
         counts = [bank.count(index) for bank in banks for index in range(len(bank))]
-        arrays = {name: np.concatenate([getattr(bank, name) for bank in banks]) for name in Grasp.__annotations__}
+        arrays = {
+            name: np.concatenate([getattr(bank, name) for bank in banks]) for name in Grasp.__annotations__
+        }
         return cls(**arrays, start=np.cumsum([0, *counts]))
 
     def grasp(self, index: int, number: int) -> Grasp:
@@ -147,7 +151,9 @@ def _save(path: Path, grasps: Sequence[Grasp]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".npz")
     with os.fdopen(handle, "wb") as file:
-        np.savez(file, **{name: np.stack([getattr(g, name) for g in grasps]) for name in Grasp.__annotations__})
+        np.savez(
+            file, **{name: np.stack([getattr(g, name) for g in grasps]) for name in Grasp.__annotations__}
+        )
     os.replace(temporary, path)
 
 
@@ -175,4 +181,6 @@ def grasps_of(
     if world is not None:
         world.close()
     start = np.cumsum([0] + [len(row["joints"]) for row in rows])
-    return GraspBank(**{name: np.concatenate([row[name] for row in rows]) for name in Grasp.__annotations__}, start=start)
+    return GraspBank(
+        **{name: np.concatenate([row[name] for row in rows]) for name in Grasp.__annotations__}, start=start
+    )

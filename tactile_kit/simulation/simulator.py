@@ -113,7 +113,9 @@ class Simulator:
     def _disturb(self, time: float) -> None:
         if not self._intervals:
             return
-        values = {name: rows[int(time / self.preset_intervals[name])] for name, rows in self._intervals.items()}
+        values = {
+            name: rows[int(time / self.preset_intervals[name])] for name, rows in self._intervals.items()
+        }
         self.world.disturb(values.get("force", np.zeros(3)), values.get("torque", np.zeros(3)))
 
     def read(self, z: NDArray, x: NDArray, R: NDArray, q: NDArray) -> None:

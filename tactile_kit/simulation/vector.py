@@ -99,7 +99,9 @@ class _Group:
     def _start(self, simulator: Simulator, index: int) -> None:
         views = self.views
         simulator.reset(
-            int(views["next_variant"][index]), int(views["next_seed"][index]), float(views["next_gravity"][index])
+            int(views["next_variant"][index]),
+            int(views["next_seed"][index]),
+            float(views["next_gravity"][index]),
         )
         simulator.read(*(views[name][index] for name in ("z0", "x0", "R0", "q0")))
 
@@ -146,7 +148,9 @@ class VectorSimulation:
             raise ValueError(f"num_workers = {workers}: allowed are 0 to the {environments} environments")
         context = multiprocessing.get_context("spawn")
         memory = {
-            name: context.RawArray("b", environments * int(np.prod(shape, dtype=int)) * np.dtype(dtype).itemsize)
+            name: context.RawArray(
+                "b", environments * int(np.prod(shape, dtype=int)) * np.dtype(dtype).itemsize
+            )
             for name, (shape, dtype) in FIELDS.items()
         }
         self.views = _views(memory, environments)
@@ -233,7 +237,9 @@ class _light_main:
 
     def __enter__(self) -> None:
         self._main = sys.modules["__main__"]
-        self._kept = {name: self._main.__dict__.pop(name) for name in ("__file__",) if hasattr(self._main, name)}
+        self._kept = {
+            name: self._main.__dict__.pop(name) for name in ("__file__",) if hasattr(self._main, name)
+        }
         self._spec = getattr(self._main, "__spec__", None)
         self._main.__spec__ = None
 

@@ -89,13 +89,18 @@ class World:
         self.object = body.create(bullet, self._mass)
         for link in JOINT_IDS:
             friction = physics["tip_friction"] if link in TIP_LINKS else physics["link_friction"]
-            bullet.changeDynamics(self.hand, link, lateralFriction=friction, linearDamping=0, angularDamping=0)
+            bullet.changeDynamics(
+                self.hand, link, lateralFriction=friction, linearDamping=0, angularDamping=0
+            )
         # Bullet multiplies the coefficients of the two bodies: the object's are 1 and the hand's rule.
         bullet.changeDynamics(self.object, -1, lateralFriction=1.0, linearDamping=0, angularDamping=0)
         for link in TIP_LINKS:
             bullet.changeDynamics(self.hand, link, spinningFriction=physics["spinning_friction"])
         bullet.setJointMotorControlArray(
-            self.hand, DRIVEN_IDS, pybullet.VELOCITY_CONTROL, forces=np.asarray(physics["stick_friction"]).tolist()
+            self.hand,
+            DRIVEN_IDS,
+            pybullet.VELOCITY_CONTROL,
+            forces=np.asarray(physics["stick_friction"]).tolist(),
         )  # a velocity motor at rest is Coulomb friction
         impedance = Impedance(physics["kp"], physics["kd"], physics["series_stiffness"])
         self.controller = ImpedanceController(impedance, self.config.time_step)
@@ -107,7 +112,9 @@ class World:
         for joint, angle in enumerate(grasp.joints.tolist()):
             self.bullet.resetJointState(self.hand, joint, angle)
         position, rotation = self.body.to_bullet(grasp.position, grasp.rotation)
-        self.bullet.resetBasePositionAndOrientation(self.object, position.tolist(), to_quaternion(rotation).tolist())
+        self.bullet.resetBasePositionAndOrientation(
+            self.object, position.tolist(), to_quaternion(rotation).tolist()
+        )
         self._filter.reset(grasp.command)
         self._read_joints()
         self._read_object()
@@ -134,7 +141,9 @@ class World:
                 # the encoders' offset shifts what the controller holds
                 command = self._filter.update(target)
                 torques = controller.torques(self.joints, self.speeds, command - self._offset)
-                bullet.setJointMotorControlArray(hand, JOINT_IDS, pybullet.TORQUE_CONTROL, forces=torques.tolist())
+                bullet.setJointMotorControlArray(
+                    hand, JOINT_IDS, pybullet.TORQUE_CONTROL, forces=torques.tolist()
+                )
                 bullet.setJointMotorControlArray(
                     hand,
                     PASSIVE_IDS,

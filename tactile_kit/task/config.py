@@ -31,31 +31,48 @@ class Settings(BaseModel):
 class RewardConfig(Settings):
     """Coefficients of the paper's reward (section II-E)."""
 
-    rotation: float = Field(default=1.0, ge=0, description="weight of the angle gained towards the goal, 1/rad")
+    rotation: float = Field(
+        default=1.0, ge=0, description="weight of the angle gained towards the goal, 1/rad"
+    )
     rotation_clip: float = Field(default=0.1, gt=0, description="most angle rewarded in a step, rad")
-    position: float = Field(default=8.0, ge=0, description="weight of the growing distance from the start, 1/m")
-    posture: float = Field(default=1 / 6, ge=0, description="weight of the fourth power of joint deviation, 1/rad^4")
+    position: float = Field(
+        default=8.0, ge=0, description="weight of the growing distance from the start, 1/m"
+    )
+    posture: float = Field(
+        default=1 / 6, ge=0, description="weight of the fourth power of joint deviation, 1/rad^4"
+    )
 
 
 class TaskConfig(Settings):
     """Reorient an object in the hand within ``horizon`` actions of 0.1 s."""
 
     objects: str = Field(default="geometric8", description="sets, names or ids, separated by commas")
-    scaling: Literal["nominal", "random"] = Field(default="nominal", description="random: extents drawn an axis")
-    variants: int = Field(default=16, ge=1, le=1024, description="prepared sizes an object under random scaling")
+    scaling: Literal["nominal", "random"] = Field(
+        default="nominal", description="random: extents drawn an axis"
+    )
+    variants: int = Field(
+        default=16, ge=1, le=1024, description="prepared sizes an object under random scaling"
+    )
     variant_seed: int = Field(default=0, ge=0, description="seed of the prepared sizes")
-    extent_range: tuple[float, float] = Field(default=(0.045, 0.09), description="extents under random scaling, m")
+    extent_range: tuple[float, float] = Field(
+        default=(0.045, 0.09), description="extents under random scaling, m"
+    )
     encoding: str = Field(default="vec_bps", description="shape encoding, see tactile_kit.shape.ENCODINGS")
     pose_in_observation: bool = Field(
-        default=True, description="add the 9 pose numbers beside a BPS or point cloud encoding (the paper's website)"
+        default=True,
+        description="add the 9 pose numbers beside a BPS or point cloud encoding (the paper's website)",
     )
-    sigma_in_observation: bool = Field(default=True, description="tactile agents: add the predicted uncertainties")
+    sigma_in_observation: bool = Field(
+        default=True, description="tactile agents: add the predicted uncertainties"
+    )
     randomization: str = Field(default="default", description="preset of domain randomisation")
     gravity: float = Field(default=9.81, ge=0, le=30, description="m/s^2; curricula set it lower for a while")
     goals: Literal["so3", "octahedral"] = Field(default="so3", description="where goals are drawn from")
     horizon: int = Field(default=100, ge=1, le=10000, description="actions an episode, 0.1 s each")
     success_angle: float = Field(default=0.4, gt=0, description="largest final angle of a success, rad")
-    action: Literal["absolute", "relative"] = Field(default="absolute", description="target joint angles or steps")
+    action: Literal["absolute", "relative"] = Field(
+        default="absolute", description="target joint angles or steps"
+    )
     grasps: int = Field(default=8, ge=1, le=1000, description="initial grasps a variant")
     reward: RewardConfig = RewardConfig()
     simulation: SimulationConfig = SimulationConfig()
@@ -70,5 +87,7 @@ class TaskConfig(Settings):
         if self.randomization not in randomization.PRESETS:
             near = difflib.get_close_matches(self.randomization, randomization.PRESETS, n=1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise ValueError(f"randomization = {self.randomization!r}: presets are {list(randomization.PRESETS)}{hint}")
+            raise ValueError(
+                f"randomization = {self.randomization!r}: presets are {list(randomization.PRESETS)}{hint}"
+            )
         return self

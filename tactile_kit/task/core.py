@@ -23,7 +23,9 @@ class Core:
     def __init__(self, config: TaskConfig, *, sigma: bool = False, variants: Variants | None = None) -> None:
         self.config = config
         self.variants = variants or prepare(config)
-        self.meshes = MeshTable.from_meshes([(thing.vertices, thing.faces) for thing in self.variants.objects])
+        self.meshes = MeshTable.from_meshes(
+            [(thing.vertices, thing.faces) for thing in self.variants.objects]
+        )
         self.encoding = encoding(config.encoding, self.meshes)
         self.layout = layout_of(self.encoding, pose=config.pose_in_observation, sigma=sigma)
         self.observer = Observer(self.layout, self.encoding)

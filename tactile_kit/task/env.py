@@ -34,7 +34,9 @@ class ReorientEnv(gymnasium.Env):
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}  # noqa: RUF012
 
-    def __init__(self, config: TaskConfig | None = None, render_mode: str | None = None, **settings: Any) -> None:
+    def __init__(
+        self, config: TaskConfig | None = None, render_mode: str | None = None, **settings: Any
+    ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode = {render_mode!r}: allowed are None and 'rgb_array'")
         self.config = TaskConfig(**({} if config is None else config.model_dump()) | settings)
@@ -48,11 +50,17 @@ class ReorientEnv(gymnasium.Env):
         self._x, self._R, self._q = np.zeros(3), np.eye(3), np.zeros(JOINTS)
         self._episodes = None
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[NDArray, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray, dict[str, Any]]:
         """Start an episode; ``info`` holds its specification and the drawn physics."""
         super().reset(seed=seed)
         if seed is not None or self._episodes is None:
-            start = randomization.derive(seed, "training") if seed is not None else int(self.np_random.integers(2**62))
+            start = (
+                randomization.derive(seed, "training")
+                if seed is not None
+                else int(self.np_random.integers(2**62))
+            )
             self._episodes = training_episodes(self.config, self.core.variants, 0, start)
         spec = (options or {}).get("episode")
         if spec is None:
@@ -74,7 +82,10 @@ class ReorientEnv(gymnasium.Env):
             self.config.reward, R_before, self._R, self.spec_now.goal, x_before, self._x, self._x0, self._q
         )
         theta = float(geodesic(self._R, self.spec_now.goal))
-        info: dict[str, Any] = {"theta": theta, "reward_terms": {name: float(value) for name, value in terms.items()}}
+        info: dict[str, Any] = {
+            "theta": theta,
+            "reward_terms": {name: float(value) for name, value in terms.items()},
+        }
         info["success"] = bool(status == Status.TIME and theta < self.config.success_angle)
         info["drop"], info["fault"] = status == Status.DROP, self.simulator.fault
         terminated = status in (Status.DROP, Status.FAULT)

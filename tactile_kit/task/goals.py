@@ -31,7 +31,9 @@ class EpisodeSpec:
     seed: int
 
 
-def training_episodes(config: TaskConfig, variants: Variants, environment: int, seed: int) -> Iterator[EpisodeSpec]:
+def training_episodes(
+    config: TaskConfig, variants: Variants, environment: int, seed: int
+) -> Iterator[EpisodeSpec]:
     """Endless episodes of one environment. Environments share the objects out equally (paper, section II-G)."""
     sizes = variants.of_object(environment % variants.number_of_objects)
     number = 0

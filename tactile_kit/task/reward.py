@@ -19,7 +19,14 @@ def rotation_term(config: RewardConfig, R_before: Array, R: Array, goal: Array) 
 
 
 def reward_terms(
-    config: RewardConfig, R_before: Array, R: Array, goal: Array, x_before: Array, x: Array, x_start: Array, q: Array
+    config: RewardConfig,
+    R_before: Array,
+    R: Array,
+    goal: Array,
+    x_before: Array,
+    x: Array,
+    x_start: Array,
+    q: Array,
 ) -> dict[str, Array]:
     """Terms of the reward, each ``(E,)``; their sum is the reward.
 

@@ -85,4 +85,6 @@ def _held_size(thing: Object, config: TaskConfig, number: int) -> tuple[Object, 
             return size, grasps_of([size], config.grasps, config.simulation)
         except GraspError as error:
             last = error
-    raise GraspError(f"{thing.name}: none of {REDRAWS} sizes in {config.extent_range} m can be held") from last
+    raise GraspError(
+        f"{thing.name}: none of {REDRAWS} sizes in {config.extent_range} m can be held"
+    ) from last

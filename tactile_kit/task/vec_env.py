@@ -114,7 +114,12 @@ class ReorientVecEnv(VecEnv):
     ) -> None:
         core = Core(config, sigma=self.sigma and config.sigma_in_observation, variants=variants)
         self.core, self.config, self.seed_value = core, config, seed
-        self.layout, self.variants, self.meshes, self.encoding = core.layout, core.variants, core.meshes, core.encoding
+        self.layout, self.variants, self.meshes, self.encoding = (
+            core.layout,
+            core.variants,
+            core.meshes,
+            core.encoding,
+        )
         super().__init__(
             num_envs,
             spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32),
@@ -130,7 +135,9 @@ class ReorientVecEnv(VecEnv):
         self._number = np.full(num_envs, -1)  # place of the present episode in the list, -1: none
         self._next: list[tuple[int, EpisodeSpec]] = [self._draw(i) for i in range(num_envs)]
         self.state = self._blank_state()
-        self.belief = Belief(np.zeros((num_envs, 3), np.float32), np.tile(np.eye(3, dtype=np.float32), (num_envs, 1, 1)))
+        self.belief = Belief(
+            np.zeros((num_envs, 3), np.float32), np.tile(np.eye(3, dtype=np.float32), (num_envs, 1, 1))
+        )
         self.transition: Transition | None = None
         self.episode_count = 0
 
@@ -251,7 +258,9 @@ class ReorientVecEnv(VecEnv):
             observation = self._observe()
         return observation, reward, done, infos
 
-    def _finish(self, i: int, theta: float, status: Status, ended: dict[str, Any], observation: Array) -> dict[str, Any]:
+    def _finish(
+        self, i: int, theta: float, status: Status, ended: dict[str, Any], observation: Array
+    ) -> dict[str, Any]:
         success = bool(status == Status.TIME and theta < self.config.success_angle)
         result = EpisodeResult(
             self._spec[i], float(theta), float(self._theta_min[i]), success, status == Status.DROP, ended["fault"],
@@ -309,7 +318,11 @@ def make_vec(config: TaskConfig | None = None, **settings: Any) -> ReorientVecEn
     ``num_envs``, ``num_workers``, ``seed`` and ``episodes`` go to :class:`ReorientVecEnv`, everything else to
     :class:`TaskConfig`.
     """
-    own = {name: settings.pop(name) for name in ("num_envs", "num_workers", "seed", "episodes") if name in settings}
+    own = {
+        name: settings.pop(name)
+        for name in ("num_envs", "num_workers", "seed", "episodes")
+        if name in settings
+    }
     config = TaskConfig(**settings) if config is None else config.model_copy(update=settings)
     return ReorientVecEnv(config, **{"num_envs": 16, **own})
 
