@@ -19,7 +19,7 @@ SIZES = (0.005, 0.5)  # m; a largest extent outside is a wrong unit rather than 
 MAX_FACES = 4000  # of an object; denser meshes are simplified, since encodings and checks cost a face
 SIMPLIFICATION = 0.01  # of the largest extent: the surface may move by this much at most while simplifying
 HOLE_AREA = 0.02  # of the surface: what filling holes may add
-FLATNESS = 1e-3  # volume over bounding box below which a mesh is a sheet, not a solid
+FLATNESS = 1e-3  # mean thickness over largest extent below which a mesh is a sheet, not a solid
 GAP = 2e-3  # of the largest extent: bodies no farther apart count as touching
 PROBES = 96  # points whose winding number is checked
 
@@ -213,7 +213,7 @@ def _solid(path: Path, vertices: np.ndarray, faces: np.ndarray, repairs: list[st
         repairs.append(f"kept {len(holes)} closed cavities")
     _connected(path, solid, repairs)
     low, high = np.array(solid.bounding_box()).reshape(2, 3)
-    if solid.volume() < FLATNESS * np.prod(high - low):
+    if 2.0 * solid.volume() < FLATNESS * solid.surface_area() * (high - low).max():
         raise MeshError(path, "is flat: it encloses next to no volume", "give the surface a thickness")
     return solid
 

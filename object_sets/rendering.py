@@ -32,6 +32,7 @@ def render_sheet(
         columns: pictures a row; by default few empty places on a page between square and 3:2.
         pixels: side of each picture.
     """
+    from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
@@ -79,7 +80,8 @@ def render_sheet(
             target.parent.mkdir(parents=True, exist_ok=True)
             # no date, so that the same objects give the same file
             clean = {"Date": None} if target.suffix == ".svg" else {"Software": None}
-            figure.savefig(target, metadata=clean)
+            with rc_context({"svg.hashsalt": "object_sets"}):
+                figure.savefig(target, metadata=clean)
 
 
 def _columns(count: int) -> int:

@@ -55,7 +55,8 @@ def test_render_sheet(tmp_path, capsys):
     image = matplotlib.image.imread(tmp_path / "a.png")
     assert image.shape[0] > 300 and image[..., :3].std() > 0.05
     assert (tmp_path / "a.svg").read_text().count("<image") == 9
-    object_sets.render_sheet(object_sets.select("geometric8,apple"), tmp_path / "b.png")
+    object_sets.render_sheet(object_sets.select("geometric8,apple"), tmp_path / "b.png", tmp_path / "b.svg")
+    assert (tmp_path / "b.svg").read_bytes() == (tmp_path / "a.svg").read_bytes()
     assert (tmp_path / "b.png").read_bytes() == (tmp_path / "a.png").read_bytes()
 
 
