@@ -9,12 +9,19 @@ float32 arithmetic into float64.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
 
 K = 64  # basis points, compile-time so that lane loops have a fixed length
 QX, QY, QZ, BEST, WINNER = 0, K, 2 * K, 3 * K, 4 * K  # rows of the scratch
 EDGE = 5 * K  # then 4 x (offset in plane, direction in plane) of the winner's three edges and its face
-SCRATCH = EDGE + 16
+LANES = 16  # triangles of a block and boxes of a group: one AVX-512 register of float32
+TRIAL = EDGE + 16  # squared distances of one block's triangles
+BOXES = (
+    TRIAL + LANES
+)  # then the squared distances to all boxes of the mesh, then the least of each group of boxes
 
 #: Positions beyond this (m) and rotations further than this from orthonormal are refused.
 MAX_POSITION = 100.0
@@ -24,6 +31,52 @@ OK, BAD_POSITION, BAD_ROTATION, BAD_MESH = 0, 1, 2, 3
 
 _OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
 _FAST = {**_OPTIONS, "fastmath": True}
+
+
+def _load_lanes(context, builder, kind, array, offset):
+    pointer = builder.gep(context.make_array(kind)(context, builder, array).data, [offset])
+    vector = ir.VectorType(pointer.type.pointee, LANES)
+    return builder.load(builder.bitcast(pointer, vector.as_pointer()), align=kind.dtype.bitwidth // 8), vector
+
+
+@intrinsic
+def _least(typing_context, s, offset):
+    """Minimum of the LANES values at s[offset]; numba itself does not vectorise a minimum."""
+
+    def generate(context, builder, signature, args):
+        lanes, vector = _load_lanes(context, builder, signature.args[0], *args)
+        bits = signature.args[0].dtype.bitwidth
+        kind = ir.FunctionType(vector.element, [vector])
+        name = f"llvm.vector.reduce.fmin.v{LANES}f{bits}"
+        reduce = cgutils.get_or_insert_function(builder.module, kind, name)
+        return builder.call(reduce, [lanes], fastmath=("nnan", "nsz"))
+
+    return s.dtype(s, types.intp), generate
+
+
+@intrinsic
+def _at_most(typing_context, s, offset, limit):
+    """Bit mask of the LANES values at s[offset] that are no greater than limit."""
+
+    def generate(context, builder, signature, args):
+        lanes, vector = _load_lanes(context, builder, signature.args[0], *args[:2])
+        splat = ir.Constant(vector, ir.Undefined)
+        for lane in range(LANES):
+            splat = builder.insert_element(splat, args[2], ir.Constant(ir.IntType(32), lane))
+        mask = builder.fcmp_ordered("<=", lanes, splat)
+        return builder.zext(builder.bitcast(mask, ir.IntType(LANES)), ir.IntType(64))
+
+    return types.int64(s, types.intp, s.dtype), generate
+
+
+@intrinsic
+def _first_lane(typing_context, mask):
+    """Lowest set bit of a mask that is not zero."""
+
+    def generate(context, builder, signature, args):
+        return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(types.int64), generate
 
 
 @njit(**_OPTIONS)
@@ -89,6 +142,78 @@ def _search(rows, start, stop, s):
             best = s[BEST + k]
             s[WINNER + k] = index if d2 < best else s[WINNER + k]
             s[BEST + k] = d2 if d2 < best else best
+
+
+@njit(**_FAST)
+def _search_block(blocks, block, x, y, z, s):
+    """Squared distances from one point to a block's 16 triangles, as lanes in the scratch; returns the least."""
+    zero = s.dtype.type(0)
+    for i in range(LANES):
+        p = blocks[block, 0, i] * x + blocks[block, 1, i] * y + blocks[block, 2, i] * z + blocks[block, 3, i]
+        t = blocks[block, 4, i] * x + blocks[block, 5, i] * y + blocks[block, 6, i] * z + blocks[block, 7, i]
+        h = (
+            blocks[block, 8, i] * x
+            + blocks[block, 9, i] * y
+            + blocks[block, 10, i] * z
+            + blocks[block, 11, i]
+        )
+        ab = blocks[block, 12, i]
+        bx, by, bc = blocks[block, 13, i], blocks[block, 14, i], blocks[block, 15, i]
+        cx, cy, ac = blocks[block, 16, i], blocks[block, 17, i], blocks[block, 18, i]
+        da = p - min(max(p, zero), ab)
+        pb = p - ab
+        along_b = pb * bx + t * by
+        across_b = pb * by - t * bx
+        db = along_b - min(max(along_b, zero), bc)
+        along_c = p * cx + t * cy
+        across_c = t * cx - p * cy
+        dc = along_c - min(max(along_c, zero), ac)
+        outside = max(max(-t, across_b), across_c)
+        edge = min(min(da * da + t * t, db * db + across_b * across_b), dc * dc + across_c * across_c)
+        s[TRIAL + i] = h * h + (edge if outside > zero else zero)
+    return _least(s, TRIAL)
+
+
+@njit(**_FAST)
+def _search_boxes(blocks, bounds, first, last, triangles, s):
+    """As _search for a big mesh: per point, only blocks whose box is nearer than the best triangle so far."""
+    real = s.dtype.type
+    zero = real(0)
+    boxes, groups = (last - first) * LANES, last - first
+    least_of = BOXES + boxes
+    # Sliced first, so that lanes count from 0: an index that might be negative is wrapped around, lane by lane.
+    bounds, blocks = bounds[:, first * LANES : last * LANES], blocks[first * LANES : last * LANES]
+    for k in range(K):
+        x, y, z = s[QX + k], s[QY + k], s[QZ + k]
+        for i in range(boxes):
+            dx = max(max(bounds[0, i] - x, x - bounds[3, i]), zero)
+            dy = max(max(bounds[1, i] - y, y - bounds[4, i]), zero)
+            dz = max(max(bounds[2, i] - z, z - bounds[5, i]), zero)
+            s[BOXES + i] = dx * dx + dy * dy + dz * dz
+        least, group = real(1e30), 0
+        for g in range(groups):
+            value = _least(s, BOXES + g * LANES)
+            s[least_of + g] = value
+            if value < least:
+                least, group = value, g
+        near = group * LANES + _first_lane(_at_most(s, BOXES + group * LANES, least))
+        best = _search_block(blocks, near, x, y, z, s)
+        winner = near * LANES + _first_lane(_at_most(s, TRIAL, best))
+        s[BOXES + near] = real(1e30)  # done
+        for g in range(groups):
+            if s[least_of + g] < best:
+                lanes = _at_most(s, BOXES + g * LANES, best)
+                while lanes != 0:
+                    lane = _first_lane(lanes)
+                    lanes &= lanes - 1
+                    block = g * LANES + lane
+                    if s[BOXES + block] < best:
+                        d2 = _search_block(blocks, block, x, y, z, s)
+                        if d2 < best:
+                            best = d2
+                            winner = block * LANES + _first_lane(_at_most(s, TRIAL, best))
+        # lanes past the end of the last block repeat the last triangle
+        s[WINNER + k] = real(min(winner, triangles - 1))
 
 
 @njit(**_FAST)
@@ -189,21 +314,48 @@ def _localise(points, position, rotation, s):
 
 
 @njit(**_OPTIONS)
-def forward(points, x, R, mesh, offsets, rows, normals, groups, bounds, vectors, unit, save):
+def forward(points, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, vectors, unit, save):
     """Vectors (B, K, 3) from the basis points (3, K) to the posed meshes; returns a status and the row it is about.
 
     unit receives e and alpha for the backward pass: (B, K, 4) if save, else any (1, K, 4), which is left alone.
     """
-    s = np.empty(SCRATCH, dtype=vectors.dtype)
-    for b in range(x.shape[0]):
-        status = _check(x[b], R[b], mesh[b], offsets.shape[0] - 1)
+    size, meshes = x.shape[0], offsets.shape[0] - 1
+    widest = 0
+    for b in range(size):
+        status = _check(x[b], R[b], mesh[b], meshes)
         if status != OK:
             return status, b
+        widest = max(widest, groups[mesh[b] + 1] - groups[mesh[b]])
+    s = np.empty(BOXES + widest * (LANES + 1), dtype=vectors.dtype)
+    order = _by_mesh(mesh, meshes)
+    for i in range(size):
+        b = order[i]
         start, stop = offsets[mesh[b]], offsets[mesh[b] + 1]
+        first, last = groups[mesh[b]], groups[mesh[b] + 1]
         _localise(points, x[b], R[b], s)
-        _search(rows, start, stop, s)
+        if last > first:
+            _search_boxes(blocks, bounds, first, last, stop - start, s)
+        else:
+            _search(rows, start, stop, s)
         _finish(rows, normals, start, R[b], s, vectors[b], unit[b if save else 0], save)
     return OK, 0
+
+
+@njit(**_OPTIONS)
+def _by_mesh(mesh, meshes):
+    """Rows in the order of their meshes, so that a table is read from memory once; as they come if sorting costs more."""
+    size = mesh.shape[0]
+    order = np.arange(size)
+    if size > 2 and 4 * size >= meshes:
+        places = np.zeros(meshes + 1, dtype=np.int64)
+        for b in range(size):
+            places[mesh[b] + 1] += 1
+        for m in range(meshes):
+            places[m + 1] += places[m]
+        for b in range(size):
+            order[places[mesh[b]]] = b
+            places[mesh[b]] += 1
+    return order
 
 
 @njit(**_FAST)

@@ -10,11 +10,12 @@ Pseudonormals follow Baerentzen and Aanaes, "Signed distance computation using t
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from tactile_kit.shape.blocks import GROUP, block_bounds, kd_order
+from tactile_kit.shape.blocks import block_bounds, block_rows, kd_order
 from tactile_kit.shape.validation import MeshError, checked_mesh, merge_vertices, require_closed
 
 #: Meshes with more triangles than this are searched through bounding boxes (measured crossover 300 to 1000).
@@ -36,7 +37,7 @@ class MeshTable:
     ) -> None:
         """Use :meth:`from_meshes`. neighbours (F, 3) triangle across edges ab, bc, ca; vertices (F, 3) vertex ids."""
         order = np.arange(len(corners))
-        for start, stop in zip(offsets[:-1], offsets[1:], strict=True):
+        for start, stop in pairwise(offsets):
             if stop - start > CULLING_ABOVE:
                 order[start:stop] = start + kd_order(corners[start:stop])
         normals, features = pseudonormals(corners, neighbours, vertices)
@@ -46,14 +47,16 @@ class MeshTable:
         # Pseudonormals in each triangle's own frame: the winner's offset is known there.
         finish = np.einsum("fij,fkj->fki", frames, features[order]).reshape(len(order), 21)
         bounds, block_offsets = block_bounds(self.corners, offsets, CULLING_ABOVE)
-        self._arrays: dict[str, tuple[np.ndarray, ...]] = {}
+        blocks = block_rows(search, offsets, block_offsets)
+        self._arrays: dict[np.dtype, tuple[np.ndarray, ...]] = {}
         for dtype in (np.float32, np.float64):
-            self._arrays[np.dtype(dtype).name] = (
+            self._arrays[np.dtype(dtype)] = (
                 offsets,
                 np.ascontiguousarray(search, dtype=dtype),
                 np.ascontiguousarray(finish, dtype=dtype),
                 block_offsets,
                 _rounded_outwards(bounds, dtype),
+                np.ascontiguousarray(blocks, dtype=dtype),
             )
         starts = offsets[:-1]
         low = np.minimum.reduceat(self.corners.min(axis=1), starts, axis=0)
@@ -90,9 +93,9 @@ class MeshTable:
             raise IndexError(f"mesh index {index} is outside 0..{len(self) - 1}")
         return self.corners[self.offsets[index] : self.offsets[index + 1]]
 
-    def arrays(self, dtype: np.dtype | type) -> tuple[np.ndarray, ...]:
+    def arrays(self, dtype: np.dtype) -> tuple[np.ndarray, ...]:
         """Kernel arrays of one precision (float32 or float64): offsets, search rows, pseudonormals, blocks, bounds."""
-        return self._arrays[np.dtype(dtype).name]
+        return self._arrays[dtype]
 
     def __repr__(self) -> str:
         return f"MeshTable({len(self)} meshes, {len(self.corners)} triangles)"
@@ -148,10 +151,9 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def _rounded_outwards(bounds: np.ndarray, dtype: type) -> np.ndarray:
-    """Boxes (n, 6, GROUP) in the kernel's precision: low corners rounded down, high corners up, so that none shrinks."""
+    """Boxes (6, n) in the kernel's precision: low corners rounded down, high corners up, so that none shrinks."""
     cast = np.ascontiguousarray(bounds, dtype=dtype)
     if cast.size and dtype is np.float32:
-        cast[:, :3] = np.nextafter(cast[:, :3], dtype(-np.inf))
-        cast[:, 3:] = np.nextafter(cast[:, 3:], dtype(np.inf))
-    assert cast.shape[1:] == (6, GROUP)
+        cast[:3] = np.nextafter(cast[:3], dtype(-np.inf))
+        cast[3:] = np.nextafter(cast[3:], dtype(np.inf))
     return cast
