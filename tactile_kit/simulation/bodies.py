@@ -68,13 +68,14 @@ class Body:
         self._axes_quaternion = to_quaternion(axes).tolist()
         self._identity = bool(np.allclose(axes, np.eye(3)) and np.allclose(self.com, 0, atol=1e-9))
         self._vertices = [part.tolist() for part in thing.parts]
+        self._surface = thing.vertices[thing.faces].reshape(-1, 3)  # corner by corner, for flat shading
         self._file = None
         if len(thing.parts) > 1:
             self._file = str(
                 _write_once(cache_directory() / "bodies" / f"{thing.digest}.obj", _obj_text(thing.parts))
             )
 
-    def create(self, bullet, mass: float) -> int:
+    def create(self, bullet, mass: float, visible: bool = False) -> int:
         """Make the body of ``mass`` kg in the client ``bullet``; returns its id."""
         if self._file is None:
             shape = bullet.createCollisionShape(bullet.GEOM_MESH, vertices=self._vertices[0])
@@ -87,11 +88,24 @@ class Body:
         body = bullet.createMultiBody(
             baseMass=mass,
             baseCollisionShapeIndex=shape,
+            baseVisualShapeIndex=self._look(bullet) if visible else -1,
             baseInertialFramePosition=self.com.tolist(),
             baseInertialFrameOrientation=self._axes_quaternion,
         )
         bullet.changeDynamics(body, -1, mass=mass, localInertiaDiagonal=(self.moments * mass).tolist())
         return body
+
+    def _look(self, bullet) -> int:
+        triangles = self._surface.reshape(-1, 3, 3)
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        return bullet.createVisualShape(
+            bullet.GEOM_MESH,
+            vertices=self._surface.tolist(),
+            indices=list(range(len(self._surface))),
+            normals=np.repeat(normals, 3, axis=0).tolist(),
+            rgbaColor=[0.90, 0.45, 0.15, 1.0],
+        )
 
     def to_bullet(self, position: np.ndarray, rotation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Canonical frame pose to Bullet's pose (centre of mass, principal axes)."""

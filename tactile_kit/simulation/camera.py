@@ -10,7 +10,7 @@ from tactile_kit.simulation.world import World
 
 
 def picture(
-    world: World, size: int = 480, distance: float = 0.42, yaw: float = 60.0, pitch: float = 12.0
+    world: World, size: int = 480, distance: float = 0.42, yaw: float = 35.0, pitch: float = -15.0
 ) -> NDArray:
     """RGB image ``(size, size, 3) uint8`` of hand and object, seen from ``distance`` m around the nominal centre."""
     bullet = world.bullet

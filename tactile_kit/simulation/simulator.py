@@ -46,6 +46,7 @@ class Simulator:
         preset: domain randomisation.
         horizon: control steps an episode.
         relative: actions are steps from the measured angles instead of absolute targets.
+        visible: make the object visible to pictures.
     """
 
     def __init__(
@@ -56,8 +57,9 @@ class Simulator:
         preset: randomization.Randomization,
         horizon: int,
         relative: bool = False,
+        visible: bool = False,
     ) -> None:
-        self.world = World(config)
+        self.world = World(config, visible)
         self.bodies, self.bank, self.preset, self.horizon = bodies, bank, preset, horizon
         self.relative = relative
         self.elapsed = 0

@@ -1,11 +1,12 @@
 """Many simulators over worker processes, states in shared memory.
 
-The parent writes actions and the episodes that come next; a worker steps its simulators, writes their states, and starts
-the next episode where one has ended. Workers hold no random state, so results don't depend on their number.
+The parent writes actions and the episodes that come next; a worker steps its simulators, writes their states, and
+starts the next episode where one has ended. Workers hold no random state, so results don't depend on their number.
 """
 
 from __future__ import annotations
 
+import itertools
 import multiprocessing
 import os
 import sys
@@ -56,13 +57,13 @@ class Blueprint:
     horizon: int
     relative: bool
 
-    def build(self) -> Simulator:
+    def build(self, visible: bool = False) -> Simulator:
         """A new simulator."""
-        return Simulator(self.config, self.bodies, self.bank, self.preset, self.horizon, self.relative)
+        return Simulator(self.config, self.bodies, self.bank, self.preset, self.horizon, self.relative, visible)
 
 
 def _views(memory: dict[str, Any], environments: int) -> dict[str, np.ndarray]:
-    views = {}
+    views: dict[str, np.ndarray] = {}
     for name, (shape, dtype) in FIELDS.items():
         views[name] = np.frombuffer(memory[name], dtype=dtype).reshape(environments, *shape)
     return views
@@ -159,7 +160,7 @@ class VectorSimulation:
             self._group = _Group(blueprint, self.views, range(environments))
             return
         bounds = np.linspace(0, environments, workers + 1).astype(int)
-        for first, last in zip(bounds[:-1], bounds[1:], strict=True):
+        for first, last in itertools.pairwise(bounds.tolist()):
             ours, theirs = context.Pipe()
             process = context.Process(
                 target=_work, args=(theirs, blueprint, memory, environments, range(first, last)), daemon=True

@@ -47,7 +47,8 @@ class World:
     """The hand with one object.
 
     ``load`` builds the scene anew, which is what makes an episode repeatable whatever came before it;
-    ``place`` puts hand and object into a grasp; ``step`` advances 0.1 s.
+    ``place`` puts hand and object into a grasp; ``step`` advances 0.1 s. ``visible`` gives the object a visual shape,
+    which pictures need and simulation does not.
 
     Attributes:
         q, e: measured joint angles and control errors of the last control step, ``(6, 12)`` rad, oldest first.
@@ -55,8 +56,8 @@ class World:
         joints: true joint angles ``(16,)`` rad.
     """
 
-    def __init__(self, config: SimulationConfig) -> None:
-        self.config = config
+    def __init__(self, config: SimulationConfig, visible: bool = False) -> None:
+        self.config, self.visible = config, visible
         self.bullet = Client()
         self._hand_file = str(hand_file())
         self._filter = CommandFilter(config.filter_time_constant, config.time_step)
@@ -77,6 +78,7 @@ class World:
         bullet.setPhysicsEngineParameter(
             fixedTimeStep=self.config.time_step,
             numSolverIterations=self.config.solver_iterations,
+            solverResidualThreshold=self.config.solver_residual,
             numSubSteps=0,
             deterministicOverlappingPairs=1,
         )
@@ -86,7 +88,7 @@ class World:
             self._hand_file, kinematics.HAND_POSITION.tolist(), _ORIENTATION, useFixedBase=True, flags=flags
         )
         self._mass = max(body.mass + float(physics["object_mass_offset"]), 1e-3)
-        self.object = body.create(bullet, self._mass)
+        self.object = body.create(bullet, self._mass, visible=self.visible)
         for link in JOINT_IDS:
             friction = physics["tip_friction"] if link in TIP_LINKS else physics["link_friction"]
             bullet.changeDynamics(

@@ -10,6 +10,20 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from tactile_kit.simulation.config import SimulationConfig
 
 
+def _check_names(model: type[BaseModel], values: Any) -> None:
+    if not isinstance(values, dict):
+        return
+    for key, value in values.items():
+        field = model.model_fields.get(key)
+        if field is None:
+            near = difflib.get_close_matches(str(key), model.model_fields, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            names = ", ".join(model.model_fields)
+            raise ValueError(f"{model.__name__} has no setting {key!r}{hint} (settings: {names})")
+        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
+            _check_names(field.annotation, value)
+
+
 class Settings(BaseModel):
     """Base of all settings: frozen, and unknown keys fail with the nearest valid name."""
 
@@ -18,13 +32,7 @@ class Settings(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _name_unknown_keys(cls, values: Any) -> Any:
-        if isinstance(values, dict):
-            for key in values:
-                if key not in cls.model_fields:
-                    near = difflib.get_close_matches(str(key), cls.model_fields, n=1)
-                    hint = f"; did you mean {near[0]!r}?" if near else ""
-                    names = ", ".join(cls.model_fields)
-                    raise ValueError(f"{cls.__name__} has no setting {key!r}{hint} (settings: {names})")
+        _check_names(cls, values)
         return values
 
 
@@ -65,7 +73,7 @@ class TaskConfig(Settings):
     sigma_in_observation: bool = Field(
         default=True, description="tactile agents: add the predicted uncertainties"
     )
-    randomization: str = Field(default="default", description="preset of domain randomisation")
+    randomization: str = Field(default="default", description="preset or YAML file of domain randomisation")
     gravity: float = Field(default=9.81, ge=0, le=30, description="m/s^2; curricula set it lower for a while")
     goals: Literal["so3", "octahedral"] = Field(default="so3", description="where goals are drawn from")
     horizon: int = Field(default=100, ge=1, le=10000, description="actions an episode, 0.1 s each")
@@ -84,10 +92,5 @@ class TaskConfig(Settings):
         low, high = self.extent_range
         if not 0.02 <= low <= high <= 0.15:
             raise ValueError(f"extent_range = {self.extent_range}: allowed is 0.02 <= low <= high <= 0.15 m")
-        if self.randomization not in randomization.PRESETS:
-            near = difflib.get_close_matches(self.randomization, randomization.PRESETS, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise ValueError(
-                f"randomization = {self.randomization!r}: presets are {list(randomization.PRESETS)}{hint}"
-            )
+        randomization.preset(self.randomization)  # an unknown name or a faulty file is an error here already
         return self

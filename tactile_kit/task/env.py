@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import gymnasium
@@ -23,9 +24,9 @@ from tactile_kit.task.rotations import geodesic
 class ReorientEnv(gymnasium.Env):
     """Reorient an object in the hand (paper, section II); the policy is told the true pose (oracle).
 
-    Observation: ``(D,) float32``, terms as in ``layout``. Action: ``(12,) float32`` in [-1, 1], target joint angles over
-    the joint range. ``reset(seed=...)`` makes the coming episodes repeatable; ``reset(options={"episode": spec})`` plays
-    one :class:`EpisodeSpec`.
+    Observation: ``(D,) float32``, terms as in ``layout``. Action: ``(12,) float32`` in [-1, 1], target joint angles
+    over the joint range. ``reset(seed=...)`` makes the coming episodes repeatable; ``reset(options={"episode": spec})``
+    plays one :class:`EpisodeSpec`.
 
     Args:
         config: the task; single settings may be given by keyword instead or on top, for example
@@ -43,12 +44,12 @@ class ReorientEnv(gymnasium.Env):
         self.render_mode = render_mode
         self.core = Core(self.config)
         self.layout = self.core.layout
-        self.simulator = self.core.blueprint.build()
+        self.simulator = self.core.blueprint.build(visible=render_mode is not None)
         self.observation_space = spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (JOINTS,), np.float32)
         self._z = np.zeros(144, np.float32)
         self._x, self._R, self._q = np.zeros(3), np.eye(3), np.zeros(JOINTS)
-        self._episodes = None
+        self._episodes: Iterator[EpisodeSpec] | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -32,12 +32,16 @@ class EpisodeSpec:
 
 
 def training_episodes(
-    config: TaskConfig, variants: Variants, environment: int, seed: int
+    config: TaskConfig, variants: Variants, environment: int, seed: int, environments: int = 1
 ) -> Iterator[EpisodeSpec]:
-    """Endless episodes of one environment. Environments share the objects out equally (paper, section II-G)."""
-    sizes = variants.of_object(environment % variants.number_of_objects)
+    """Endless episodes of ``environment``, one of ``environments``.
+
+    Environments share the objects out equally (paper, section II-G): where their number is a multiple of the number of
+    objects each keeps to one object, otherwise they take turns, so that none is left out.
+    """
     number = 0
     while True:
+        sizes = variants.of_object((environment + number * environments) % variants.number_of_objects)
         generator = randomization.stream(seed, "episode", environment, number)
         variant = int(sizes[generator.integers(len(sizes))])
         if config.goals == "so3":

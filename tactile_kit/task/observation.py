@@ -70,7 +70,7 @@ def layout_of(encoding: Encoding, *, pose: bool, sigma: bool) -> Layout:
 
 
 def goal_term(goal: NDArray, R: NDArray) -> NDArray:
-    """6-D form of the rotation that is left to do, goal R^T, in the hand frame: ``(..., 3, 3)`` twice to ``(..., 6)``."""
+    """6-D form of the rotation left to do, goal R^T, in the hand frame: ``(..., 3, 3)`` twice to ``(..., 6)``."""
     return to_6d(goal @ np.swapaxes(R, -1, -2))
 
 

@@ -38,7 +38,7 @@ def octahedral() -> Array:
 def geodesic(a: Array, b: Array) -> Array:
     """Angle of the rotation between ``a`` and ``b``, rad in [0, pi]; shapes ``(..., 3, 3)`` broadcast.
 
-    The half-angle form keeps full precision near 0 and near pi, where the arc cosine of the trace loses it.
+    The half-angle form keeps full precision near 0, where the arc cosine of the trace loses it.
     """
     difference = np.linalg.norm(a - b, axis=(-2, -1))
     return 2.0 * np.arcsin(np.clip(difference / np.sqrt(8.0), 0.0, 1.0))
