@@ -82,8 +82,14 @@ class Agent:
             return ReorientVecEnv(config, num_envs=num_envs, num_workers=num_workers, seed=seed, episodes=episodes)
         from tactile_kit.ecrl import TactileVecEnv
 
-        return TactileVecEnv.for_evaluation(
-            config, self.estimator, num_envs=num_envs, num_workers=num_workers, seed=seed, episodes=episodes
+        return TactileVecEnv(
+            config,
+            num_envs=num_envs,
+            num_workers=num_workers,
+            seed=seed,
+            episodes=episodes,
+            estimator=self.estimator,
+            training=False,
         )
 
 
@@ -106,7 +112,7 @@ def load_agent(directory: str | Path) -> Agent:
     fill(policy, read_tensors(directory / "policy.safetensors", manifest.weights["policy.safetensors"]), directory)
     estimator = None
     if manifest.kind == "tactile":
-        estimator = _load_estimator(directory, manifest)
+        estimator = load_estimator(directory, manifest)
     return Agent(directory, manifest, task, policy.eval(), estimator)
 
 
@@ -147,7 +153,8 @@ def fill(module: torch.nn.Module, tensors: dict[str, torch.Tensor], where: Path)
         raise AgentError(f"{where}: weights do not fit the network of agent.json: {problem}") from None
 
 
-def _load_estimator(directory: Path, manifest: Manifest):
+def load_estimator(directory: Path, manifest: Manifest):
+    """The estimator cell of a tactile agent's directory; raises AgentError."""
     from tactile_kit.estimator import EstimatorCell, EstimatorConfig
 
     path = directory / "estimator.safetensors"

@@ -11,10 +11,10 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from tactile_kit.agents.agent import encoding_class
+from tactile_kit.agents.agent import encoding_class, load_estimator
 from tactile_kit.agents.errors import AgentError
 from tactile_kit.agents.files import read_tensors
-from tactile_kit.agents.manifest import read_manifest
+from tactile_kit.agents.manifest import Manifest, read_manifest
 from tactile_kit.agents.networks import InputLayout
 
 Terms = tuple[tuple[str, int], ...]
@@ -107,7 +107,22 @@ def warm_start(learner, directory: str | Path, encoding: str) -> dict:
         left += [f"critic/{name}" for name in missing]
     else:
         left.append("critic")
+    cell = getattr(learner.env, "estimator", None)
+    if cell is not None:
+        left += _warm_estimator(cell, directory, manifest)
     return {"from": directory.name, "steps": manifest.steps, "hours": manifest.hours, "as_initialised": left}
+
+
+def _warm_estimator(cell: nn.Module, directory: Path, manifest: Manifest) -> list[str]:
+    """Copy the source's estimator where it has one of the same shape; otherwise name it as left."""
+    if manifest.kind != "tactile":
+        return ["estimator"]
+    source = load_estimator(directory, manifest).state_dict()
+    state = cell.state_dict()
+    if {name: tensor.shape for name, tensor in source.items()} != {name: t.shape for name, t in state.items()}:
+        return ["estimator"]
+    cell.load_state_dict(source)
+    return []
 
 
 def learner_networks(learner) -> tuple[nn.Module, list[nn.Module]]:

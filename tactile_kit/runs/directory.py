@@ -9,6 +9,7 @@ import platform
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,7 @@ def locked(directory: Path) -> Iterator[None]:
             file.truncate()
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions that a result may depend on."""
     found = {"python": ".".join(platform.python_version_tuple()[:2])}
@@ -59,8 +61,9 @@ def versions() -> dict[str, str]:
     return found
 
 
+@cache
 def revision() -> str | None:
-    """Git revision of the code, with ``-dirty`` when it was changed; None outside a checkout."""
+    """Git revision of the code when first asked, with ``-dirty`` when it was changed; None outside a checkout."""
     here = Path(__file__).resolve().parent
     try:
         head = subprocess.run(["git", "rev-parse", "HEAD"], cwd=here, capture_output=True, text=True, timeout=10)

@@ -51,7 +51,7 @@ class Run:
             "learner": values,
             "tracker": self.tracker.state(),
             "config": self.config.to_dict(),
-            "versions": versions(),
+            "versions": dict(versions()),
             "hours": self.hours,
             "warm_start": self.warm_start,
             "evaluation": self.evaluation,
@@ -252,7 +252,7 @@ def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
             learner.iterate(run.tracker)
             run.hours = before + (time.monotonic() - begin - pause) / 3600
             step, now = learner.num_timesteps, time.monotonic()
-            if step - run.logged >= config.log_every or step >= config.steps:
+            if step // config.log_every > run.logged // config.log_every or step >= config.steps:
                 rate = (step - line_step) / max(now - line_time, 1e-9)
                 run.line = _line(run, rate)
                 run.logged = step
@@ -345,7 +345,7 @@ def _write_record(directory: Path, resumed: checkpoints.Checkpoint | None) -> No
         "time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         "from_step": resumed.step if resumed else 0,
         "hardware": hardware(),
-        "versions": versions(),
+        "versions": dict(versions()),
         "git": revision(),
     }
     write_atomically(path, json_bytes({"starts": [*starts, start]}))

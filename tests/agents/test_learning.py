@@ -98,7 +98,7 @@ def test_runs_repeat_whatever_the_global_generators_hold() -> None:
     results = []
     for global_seed in (0, 1):
         torch.manual_seed(global_seed)
-        np.random.seed(global_seed)  # noqa: NPY002
+        np.random.seed(global_seed)
         before = torch.get_rng_state()
         sac, ppo = SAC(ToyEnv(4), SAC_TOY, seed=7), PPO(ToyEnv(8), PPO_TOY, seed=7)
         sac.learn(600)

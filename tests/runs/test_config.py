@@ -1,0 +1,101 @@
+"""Settings of runs: presets, YAML, nearest names, differences."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tactile_kit.agents.config import NetworkConfig, PPOConfig
+from tactile_kit.runs import ConfigError, RunConfig, presets
+from tactile_kit.runs.config import differences
+
+
+@pytest.mark.parametrize("name", sorted(presets()))
+def test_presets_resolve_and_survive_yaml(name: str, tmp_path: Path) -> None:
+    config = RunConfig.preset(name)
+    path = tmp_path / "config.yaml"
+    path.write_text(config.to_yaml())
+    assert RunConfig.from_yaml(path) == config
+
+
+def test_the_paper_preset_is_the_papers() -> None:
+    config = RunConfig.preset("ppo-paper")
+    assert (config.num_envs, config.ppo.minibatch, config.algorithm) == (4096, 2**15, "ppo")
+    paper = PPOConfig.preset("paper").model_copy(update={"log_std": 0.0})
+    assert config.ppo == paper
+
+
+def test_short_forms_are_the_tasks() -> None:
+    config = RunConfig.preset("sac-small", {"encoding": "pos", "objects": "cube,apple", "seed": 3})
+    assert config.task.encoding == config.encoding == "pos" and config.name == "oracle-pos-cube+apple-s3"
+    with pytest.raises(ConfigError, match="encoding"):
+        RunConfig.build({"encoding": "pos", "task": {"encoding": "none"}})
+
+
+def test_parts_of_nested_settings_keep_the_other_defaults() -> None:
+    config = RunConfig.build({"sac": {"critic": {"hidden": [8]}}}, {"sac.gamma": 0.9})
+    assert config.sac.critic == NetworkConfig(hidden=(8,), activation="relu", dense=False, layer_norm=True)
+    assert config.sac.gamma == 0.9 and config.sac.batch == 512
+
+
+@pytest.mark.parametrize(
+    ("data", "match"),
+    [
+        ({"stpes": 5}, "stpes: unknown; nearest: 'steps'"),
+        ({"sac": {"bach": 5}}, r"sac\.bach: unknown; nearest: 'batch'"),
+        ({"steps": -1}, "steps.*greater than 0.*-1"),
+        ({"task": {"objekts": "cube"}}, "objects"),
+        ({"gravity": {"start": 90}}, r"gravity\.start.*20"),
+        ({"algorithm": "td3"}, "algorithm.*td3"),
+    ],
+)
+def test_bad_settings_name_the_key(data: dict, match: str) -> None:
+    with pytest.raises(ConfigError, match=match):
+        RunConfig.build(data)
+
+
+def test_files_that_are_no_settings_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "x.yaml"
+    for text, match in (
+        ("!!python/object/apply:os.system [true]", "not plain YAML"),
+        ("[1, 2]", "list"),
+        ("preset: sac-smal", "sac-small"),
+    ):
+        path.write_text(text)
+        with pytest.raises(ConfigError, match=match):
+            RunConfig.from_yaml(path)
+    with pytest.raises(ConfigError, match="No such file"):
+        RunConfig.from_yaml(tmp_path / "none.yaml")
+    with pytest.raises(ConfigError, match="ppo-paper"):
+        RunConfig.preset("ppo-papre")
+    path.write_text(yaml.safe_dump({"preset": "ppo-small", "seed": 4, "ppo": {"epochs": 2}}))
+    config = RunConfig.from_yaml(path)
+    assert (config.seed, config.ppo.epochs, config.ppo.minibatch) == (4, 2, 2048)
+
+
+def test_differences_let_steps_grow_and_intervals_change() -> None:
+    old = RunConfig.preset("sac-smoke").to_dict()
+    free = RunConfig.preset(
+        "sac-smoke", {"steps": 9000, "evaluation.minutes": 5, "checkpoint.minutes": 1, "num_workers": 2}
+    )
+    assert differences(old, free.to_dict()) == []
+    other = RunConfig.preset("sac-smoke", {"steps": 10, "sac.gamma": 0.9, "num_envs": 4, "task.horizon": 7})
+    lines = differences(old, other.to_dict())
+    assert [line.split(":")[0] for line in lines] == ["num_envs", "sac.gamma", "steps", "task.horizon"]
+    assert "num_envs: 8 -> 4" in lines
+
+
+def test_gravity_rises_in_stairs_to_its_end() -> None:
+    gravity = RunConfig.build({"gravity": {"start": 1.0, "end": 9.81, "steps": 1000}}).gravity
+    values = [gravity.at(step) for step in range(0, 1200)]
+    assert values[0] == 1.0 and values[1000] == values[-1] == 9.81
+    assert len(set(values)) == 101 and values == sorted(values)
+
+
+def test_settings_do_not_import_torch() -> None:
+    code = "import sys, tactile_kit.runs; tactile_kit.runs.RunConfig.preset('sac-smoke'); assert 'torch' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

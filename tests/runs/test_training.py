@@ -1,0 +1,292 @@
+"""Runs: what is left in the directory, exact resume, signals, locks, damaged checkpoints, refusals."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from toy_run import settings, toy
+from toy_task import ToyEnv
+
+from tactile_kit.agents import load_agent
+from tactile_kit.runs import (
+    CheckpointError,
+    ConfigError,
+    LockedError,
+    RunConfig,
+    finished,
+    read_metrics,
+    train,
+)
+from tactile_kit.runs import checkpoint as checkpoints
+from tactile_kit.runs.directory import locked
+
+SCRIPT = Path(__file__).parent / "toy_run.py"
+
+
+@pytest.fixture(autouse=True)
+def restore_threads():
+    threads, precision = torch.get_num_threads(), torch.get_float32_matmul_precision()
+    yield
+    torch.set_num_threads(threads)
+    torch.set_float32_matmul_precision(precision)
+
+
+def run(directory: Path, algorithm: str, steps: int, **changes) -> Path:
+    return train(settings(algorithm, steps, **changes), directory, make_env=toy, quiet=True)
+
+
+def last(directory: Path) -> checkpoints.Checkpoint:
+    saved, messages = checkpoints.newest(directory / "checkpoints")
+    assert saved is not None and not messages
+    return saved
+
+
+def assert_same(a: checkpoints.Checkpoint, b: checkpoints.Checkpoint) -> None:
+    assert a.step == b.step and a.tensors.keys() == b.tensors.keys()
+    for name, tensor in a.tensors.items():
+        assert torch.equal(tensor, b.tensors[name]), name
+    assert a.values["learner"] == b.values["learner"]
+    assert a.values["tracker"] == b.values["tracker"]
+    mine, other = a.replay_arrays(), b.replay_arrays()
+    assert (mine is None) == (other is None)
+    for name, array in (mine or {}).items():
+        np.testing.assert_array_equal(array, other[name], err_msg=name)
+
+
+@pytest.mark.parametrize("algorithm", ["sac", "ppo"])
+def test_a_run_leaves_an_agent_and_its_history(tmp_path: Path, algorithm: str) -> None:
+    run(tmp_path, algorithm, 1024)
+    assert finished(tmp_path)
+    assert RunConfig.from_yaml(tmp_path / "config.yaml") == settings(algorithm, 1024)
+    lines = read_metrics(tmp_path)
+    assert [line["step"] for line in lines] == [256, 512, 768, 1024]
+    for key in ("hours", "success", "theta", "drops", "reward", "steps_per_second", "gravity", "reward_rotation"):
+        assert all(key in line for line in lines)
+    assert lines[0]["gravity"] < lines[-1]["gravity"] < 9.81
+    agent = load_agent(tmp_path)
+    assert agent.manifest.steps == 1024 and agent.manifest.training["step"] == 1024
+    card = (tmp_path / "README.md").read_text()
+    assert "barely trained" in card and "1,024 environment steps" in card and "not been evaluated" in card
+    assert any((tmp_path / "tensorboard").iterdir())
+    assert len(list((tmp_path / "checkpoints").iterdir())) == 2
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "checkpoints").rglob("*")}
+    run(tmp_path, algorithm, 1024)  # nothing left to do
+    assert before == {path: path.stat().st_mtime_ns for path in (tmp_path / "checkpoints").rglob("*")}
+
+
+@pytest.mark.parametrize(("algorithm", "half"), [("sac", 960), ("ppo", 1024)])
+def test_resumed_equals_uninterrupted(tmp_path: Path, algorithm: str, half: int) -> None:
+    run(tmp_path / "a", algorithm, 2 * half)
+    run(tmp_path / "b", algorithm, half)
+    torch.rand(7)  # whatever happens in between
+    run(tmp_path / "b", algorithm, 2 * half)
+    assert_same(last(tmp_path / "a"), last(tmp_path / "b"))
+    for name in ("policy.safetensors", "critic.safetensors"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    lines, again = ({line["step"]: line for line in read_metrics(tmp_path / name)} for name in "ab")
+    again.pop(half, None)  # the end of the first part
+    assert lines.keys() - {half} == again.keys()
+    for step, line in again.items():
+        for key in ("success", "theta", "drops", "reward", "episodes", "gravity", "updates"):
+            assert line.get(key) == lines[step].get(key), (step, key)
+    third = settings(algorithm, 2 * half, seed=1)
+    train(third, tmp_path / "c", make_env=toy, quiet=True)
+    assert (tmp_path / "a/policy.safetensors").read_bytes() != (tmp_path / "c/policy.safetensors").read_bytes()
+
+
+def spawn(directory: Path, algorithm: str, steps: int) -> subprocess.Popen:
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    return subprocess.Popen(
+        [sys.executable, str(SCRIPT), str(directory), algorithm, str(steps)],
+        env=environment, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def wait_for_checkpoints(directory: Path, process: subprocess.Popen, count: int, limit: float = 120) -> None:
+    end = time.monotonic() + limit
+    while len(list((directory / "checkpoints").glob("step-*"))) < count:
+        assert process.poll() is None and time.monotonic() < end, process.stderr.read()
+        time.sleep(0.02)
+
+
+def kills(tmp_path: Path, algorithm: str, count: int, steps: int, seed: int = 0) -> None:
+    """Kill a run ``count`` times at random moments, let it finish, and compare it with one never killed."""
+    draw = random.Random(seed)
+    directory = tmp_path / "killed"
+    for _ in range(count):
+        process = spawn(directory, algorithm, steps)
+        before = checkpoints.listing(directory / "checkpoints")
+        while process.poll() is None:  # until it has saved once more, then a moment longer
+            if checkpoints.listing(directory / "checkpoints") != before:
+                break
+            time.sleep(0.01)
+        time.sleep(draw.uniform(0, 0.4))
+        process.kill()
+        process.wait()
+        process.stderr.close()
+        if (directory / "checkpoints").exists():
+            last(directory)  # whole, without falling back
+    process = spawn(directory, algorithm, steps)
+    _, errors = process.communicate(timeout=280)
+    assert process.returncode == 0, errors
+    run(tmp_path / "whole", algorithm, steps)
+    assert_same(last(tmp_path / "whole"), last(directory))
+    load_agent(directory)
+
+
+def test_killed_runs_continue_exactly(tmp_path: Path) -> None:
+    kills(tmp_path, "sac", 2, 4800)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("algorithm", ["sac", "ppo"])
+def test_killed_many_times(tmp_path: Path, algorithm: str) -> None:
+    kills(tmp_path, algorithm, 25, 24_000 if algorithm == "sac" else 51_200, seed=1)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_signals_save_and_leave(tmp_path: Path, number: int) -> None:
+    process = spawn(tmp_path, "sac", 10_000_000)
+    wait_for_checkpoints(tmp_path, process, 1)
+    process.send_signal(number)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 0 and "run again to continue" in errors
+    stopped = last(tmp_path).step
+    assert load_agent(tmp_path).manifest.steps == stopped and not finished(tmp_path)
+
+
+def test_a_second_job_is_refused_while_the_first_lives(tmp_path: Path) -> None:
+    process = spawn(tmp_path, "sac", 10_000_000)
+    try:
+        wait_for_checkpoints(tmp_path, process, 1)
+        with pytest.raises(LockedError, match=f"process {process.pid}"):
+            run(tmp_path, "sac", 10_000_000)
+    finally:
+        process.kill()
+        process.communicate()
+    with locked(tmp_path), pytest.raises(LockedError), locked(tmp_path):
+        pass
+    with locked(tmp_path):
+        pass
+
+
+@pytest.mark.parametrize("damage", ["truncated tensors", "no json", "json cut", "json changed", "replay", "empty"])
+def test_a_damaged_checkpoint_falls_back_to_the_one_before(
+    tmp_path: Path, damage: str, capsys: pytest.CaptureFixture
+) -> None:
+    run(tmp_path, "sac", 1200)
+    old, new = checkpoints.listing(tmp_path / "checkpoints")
+    state, tensors = new / "state.json", new / "state.safetensors"
+    if damage == "truncated tensors":
+        tensors.write_bytes(tensors.read_bytes()[:-100])
+    elif damage == "no json":
+        state.unlink()
+    elif damage == "json cut":
+        state.write_text(state.read_text()[:500])
+    elif damage == "json changed":
+        state.write_text(state.read_text().replace('"updates": ', '"updates": 1'))
+    elif damage == "replay":
+        replay = next(new.glob("replay-*"))
+        data = bytearray(replay.read_bytes())
+        data[len(data) // 2] ^= 1
+        replay.write_bytes(data)
+    else:
+        for path in new.iterdir():
+            path.unlink()
+    train(settings("sac", 1600), tmp_path, make_env=toy)
+    errors = capsys.readouterr().err
+    assert f"checkpoint {new.name} is damaged" in errors and "the one before" in errors
+    run(tmp_path / "whole", "sac", int(old.name.split("-")[1]))
+    run(tmp_path / "whole", "sac", 1600)
+    assert_same(last(tmp_path / "whole"), last(tmp_path))
+
+
+def test_all_checkpoints_damaged_is_an_error_not_a_fresh_start(tmp_path: Path) -> None:
+    run(tmp_path, "sac", 1200)
+    for path in checkpoints.listing(tmp_path / "checkpoints"):
+        (path / "state.json").write_text("")
+    with pytest.raises(CheckpointError, match="no usable checkpoint"):
+        run(tmp_path, "sac", 1600)
+
+
+def test_other_settings_or_versions_are_refused_readably(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run(tmp_path, "sac", 480)
+    with pytest.raises(ConfigError, match=r"num_envs: 8 -> 16\n.*sac\.gamma: 0\.95 -> 0\.9"):
+        run(tmp_path, "sac", 960, num_envs=16, **{"sac.gamma": 0.9})
+    with pytest.raises(ConfigError, match="480 steps"):
+        train(settings("sac", 960), tmp_path, resume=False, make_env=toy, quiet=True)
+    monkeypatch.setattr("tactile_kit.runs.training.versions", lambda: {"torch": "9.9"})
+    with pytest.raises(ConfigError, match=r"version of torch: 2\S* -> 9\.9"):
+        run(tmp_path, "sac", 960)
+
+
+def test_without_the_replay_memory_a_run_still_continues(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    run(tmp_path, "sac", 480, **{"checkpoint.replay": False})
+    assert not list(tmp_path.rglob("replay-*"))
+    train(settings("sac", 960, **{"checkpoint.replay": False}), tmp_path, make_env=toy)
+    assert "no replay memory" in capsys.readouterr().err
+    assert last(tmp_path).step == 960
+
+
+def test_a_full_disk_leaves_the_previous_checkpoint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    real, calls = np.savez, []
+
+    def savez(file, **arrays):
+        calls.append(1)
+        if len(calls) == 2:
+            file.write(b"half")
+            raise OSError(28, "No space left on device")
+        real(file, **arrays)
+
+    monkeypatch.setattr(np, "savez", savez)
+    train(settings("sac", 1600), tmp_path, make_env=toy)
+    assert "could not save a checkpoint" in capsys.readouterr().err
+    steps = [int(path.name.split("-")[1]) for path in checkpoints.listing(tmp_path / "checkpoints")]
+    assert steps == [1440, 1600] and not list((tmp_path / "checkpoints").glob(".writing-*"))
+    assert len(calls) == 4
+
+
+def test_lines_after_the_checkpoint_are_dropped_on_resume(tmp_path: Path) -> None:
+    run(tmp_path, "sac", 480)
+    with (tmp_path / "metrics.jsonl").open("a") as file:
+        file.write('{"step": 512, "success": 1.0}\n{"step": 7')
+    run(tmp_path, "sac", 960)
+    steps = [line["step"] for line in read_metrics(tmp_path)]
+    assert steps == sorted(set(steps)) and all(line["success"] != 1.0 for line in read_metrics(tmp_path))
+
+
+def test_warm_start_is_recorded(tmp_path: Path) -> None:
+    run(tmp_path / "first", "sac", 480)
+    second = settings("sac", 480, warm_start=str(tmp_path / "first"))
+    train(second, tmp_path / "second", make_env=lambda config: ToyEnv(8, sigma=2), quiet=True)
+    manifest = load_agent(tmp_path / "second").manifest
+    assert manifest.warm_start["from"] == "first" and manifest.warm_start["steps"] == 480
+    assert "from the weights of `first`" in (tmp_path / "second/README.md").read_text()
+
+
+def test_an_environment_that_fails_is_closed_and_the_lock_released(tmp_path: Path) -> None:
+    class Broken(ToyEnv):
+        closed = False
+
+        def step_wait(self):
+            raise RuntimeError("worker 1 died")
+
+        def close(self):
+            Broken.closed = True
+
+    with pytest.raises(RuntimeError, match="worker 1 died"):
+        train(settings("sac", 480), tmp_path, make_env=lambda config: Broken(8), quiet=True)
+    assert Broken.closed
+    run(tmp_path, "sac", 480)
