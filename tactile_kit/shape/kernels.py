@@ -181,14 +181,18 @@ def _search_boxes(blocks, bounds, first, last, triangles, s):
     zero = real(0)
     boxes, groups = (last - first) * LANES, last - first
     least_of = BOXES + boxes
-    # Sliced first, so that lanes count from 0: an index that might be negative is wrapped around, lane by lane.
-    bounds, blocks = bounds[:, first * LANES : last * LANES], blocks[first * LANES : last * LANES]
+    # Contiguous rows, so that lanes count from 0: an index that might be negative is wrapped around lane by lane, and
+    # a slice over two axes loses its unit stride.
+    here = slice(first * LANES, last * LANES)
+    low_x, low_y, low_z = bounds[0, here], bounds[1, here], bounds[2, here]
+    high_x, high_y, high_z = bounds[3, here], bounds[4, here], bounds[5, here]
+    blocks = blocks[here]
     for k in range(K):
         x, y, z = s[QX + k], s[QY + k], s[QZ + k]
         for i in range(boxes):
-            dx = max(max(bounds[0, i] - x, x - bounds[3, i]), zero)
-            dy = max(max(bounds[1, i] - y, y - bounds[4, i]), zero)
-            dz = max(max(bounds[2, i] - z, z - bounds[5, i]), zero)
+            dx = max(max(low_x[i] - x, x - high_x[i]), zero)
+            dy = max(max(low_y[i] - y, y - high_y[i]), zero)
+            dz = max(max(low_z[i] - z, z - high_z[i]), zero)
             s[BOXES + i] = dx * dx + dy * dy + dz * dz
         least, group = real(1e30), 0
         for g in range(groups):
