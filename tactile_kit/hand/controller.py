@@ -8,7 +8,8 @@ would be unstable on these light links. The damping torque is therefore the one 
 with the mass matrix M taken once, at the mean grasp. The stiffness term is *not* scaled: a finger that rests against
 the object pushes with exactly K (q_d - q), whatever the step. (Scaling both terms, as a fully implicit law would, makes
 the force on a resting contact shrink with the step: to a tenth at 1/240 s and a fortieth at 1/60 s for q3.) The
-stiffness term is stable as long as dt² K stays below the inertia, which the drives' reflected inertia ensures.
+stiffness term is stable as long as dt² K stays below twice the smallest eigenvalue of the inertia, which the drives'
+reflected inertia ensures.
 """
 
 from __future__ import annotations
@@ -102,8 +103,12 @@ class ImpedanceController:
         mass = controller_mass_matrix()
         self._damping = np.ascontiguousarray(mass @ np.linalg.inv(mass + step * drag) @ drag)
         self._limit = TORQUE_LIMIT / self._stiffness
-        self._feedforward = gravity_torques(gravity)
+        self.compensate(gravity)
         self._out = np.empty(kinematics.ALL_JOINTS)
+
+    def compensate(self, gravity: float) -> None:
+        """Carry the fingers' weight under ``gravity`` m/s² from now on."""
+        self._feedforward = gravity_torques(gravity)
 
     def torques(self, q: Array, dq: Array, command: Array) -> Array:
         """Joint torques ``(16,)`` Nm for angles and speeds ``(16,)`` and filtered command ``(12,)`` rad.

@@ -14,9 +14,10 @@ from tactile_kit.hand.kinematics import DISTAL, MIDDLE, PROXIMAL, Link
 # The abduction joint's own moving part is not in the public masses; a gram keeps Bullet's recursion regular.
 ABDUCTION_MASS = 1e-3
 ABDUCTION_INERTIA = 1e-6
-# Reflected inertia of the three drives about their joint axes, kg m². Not published; this order of magnitude is usual for
-# geared finger drives, and it keeps the stiffness term of the controller stable up to a step of 1/60 s.
-ARMATURE = 1e-3
+# Reflected inertia of the three drives about their joint axes, kg m². Not published; this order of magnitude is usual
+# for geared finger drives. It keeps the controller's stiffness term stable up to a step of 1/60 s in every posture and
+# for the gains of every preset; 1e-3 would not: the softest mode of q2 and q3 then grows unless friction holds it.
+ARMATURE = 1.5e-3
 _JOINT_NAMES = ("abduction", "flexion", "middle", "distal")
 
 
@@ -76,7 +77,7 @@ def hand_urdf() -> str:
                 "lower": f"{lower[4 * finger + index]:.9g}",
                 "upper": f"{upper[4 * finger + index]:.9g}",
             }
-            ElementTree.SubElement(hinge, "limit", effort="10", velocity="100", **bounds)
+            ElementTree.SubElement(hinge, "limit", {"effort": "10", "velocity": "100", **bounds})
             parent = name
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode") + "\n"

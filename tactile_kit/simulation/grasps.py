@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,8 +70,7 @@ def try_grasp(world: World, body: Body, rotation: Array) -> Grasp | None:
     try:
         _close(world)
         target = world.command.copy()
-        world.physics["gravity"] = randomization.STANDARD_GRAVITY
-        world.disturb(np.zeros(3), np.zeros(3))
+        world.set_gravity(randomization.STANDARD_GRAVITY)
         for step in range(HOLDING_STEPS):
             if step == HOLDING_STEPS // 2:
                 before = world.position
@@ -149,11 +149,10 @@ def _bank_file(thing: Object, count: int, seed: int, config: SimulationConfig) -
 
 def _save(path: Path, grasps: Sequence[Grasp]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
+    arrays: dict[str, Any] = {n: np.stack([getattr(g, n) for g in grasps]) for n in Grasp.__annotations__}
     handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".npz")
     with os.fdopen(handle, "wb") as file:
-        np.savez(
-            file, **{name: np.stack([getattr(g, name) for g in grasps]) for name in Grasp.__annotations__}
-        )
+        np.savez(file, allow_pickle=False, **arrays)
     os.replace(temporary, path)
 
 

@@ -64,7 +64,7 @@ class Simulator:
         self.relative = relative
         self.elapsed = 0
         self.fault: str | None = None
-        self._noises = any(term.when == "step" for term in preset.terms.values())
+        self._every = {name: t.interval for name, t in preset.terms.items() if t.interval is not None}
 
     def reset(self, variant: int, seed: int, gravity: float) -> None:
         """Start an episode: everything random comes from ``seed``; ``gravity`` in m/s^2."""
@@ -72,7 +72,6 @@ class Simulator:
         self.physics = {**self.preset.draw("episode", seed), "gravity": gravity}
         self._steps = self.preset.draw_steps(seed, self.horizon * SAMPLES)
         self._intervals = self.preset.draw_intervals(seed, self.horizon / CONTROL_RATE)
-        self.preset_intervals = {name: self.preset.terms[name].interval for name in self._intervals}
         number = int(randomization.stream(seed, "grasp").integers(self.bank.count(variant)))
         grasp = self.bank.grasp(variant, number)
         world.load(self.bodies[variant], self.physics)
@@ -84,6 +83,7 @@ class Simulator:
     def step(self, action: NDArray) -> Status:
         """Play one action ``(12,)`` in [-1, 1]."""
         world, number = self.world, self.elapsed
+        self.elapsed += 1
         if not np.isfinite(action).all():
             self.fault = f"action {action} is not finite"
             return Status.FAULT
@@ -99,13 +99,12 @@ class Simulator:
         noise = self._steps.get("joint_noise")
         if noise is not None:
             noise = noise[number * SAMPLES : (number + 1) * SAMPLES]
-        before = world.position, world.rotation
-        self.elapsed += 1
+        before = world.q.copy(), world.e.copy(), world.joints, world.position, world.rotation
         try:
             world.step(self._target, noise)
         except PhysicsFault as error:
-            world.position, world.rotation = before  # the last state that means something
-            np.nan_to_num(world.q, copy=False)
+            # the last state that means something
+            world.q, world.e, world.joints, world.position, world.rotation = before
             self.fault = str(error)
             return Status.FAULT
         if dropped(world.position):
@@ -115,9 +114,8 @@ class Simulator:
     def _disturb(self, time: float) -> None:
         if not self._intervals:
             return
-        values = {
-            name: rows[int(time / self.preset_intervals[name])] for name, rows in self._intervals.items()
-        }
+        # 0.3 / 0.1 is a hair less than 3
+        values = {name: rows[int(time / self._every[name] + 1e-9)] for name, rows in self._intervals.items()}
         self.world.disturb(values.get("force", np.zeros(3)), values.get("torque", np.zeros(3)))
 
     def read(self, z: NDArray, x: NDArray, R: NDArray, q: NDArray) -> None:

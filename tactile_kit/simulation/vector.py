@@ -59,7 +59,9 @@ class Blueprint:
 
     def build(self, visible: bool = False) -> Simulator:
         """A new simulator."""
-        return Simulator(self.config, self.bodies, self.bank, self.preset, self.horizon, self.relative, visible)
+        return Simulator(
+            self.config, self.bodies, self.bank, self.preset, self.horizon, self.relative, visible
+        )
 
 
 def _views(memory: dict[str, Any], environments: int) -> dict[str, np.ndarray]:
@@ -128,7 +130,11 @@ def _work(pipe: Any, blueprint: Blueprint, memory: dict[str, Any], environments:
             if command == b"close":
                 group.close()
                 return
-            pipe.send(("done", group.step() if command == b"step" else group.reset()))
+            if command == b"step":
+                pipe.send(("done", group.step()))
+            else:
+                group.reset()
+                pipe.send(("done", None))
     except (EOFError, BrokenPipeError):
         return
     except BaseException:
@@ -155,7 +161,9 @@ class VectorSimulation:
             for name, (shape, dtype) in FIELDS.items()
         }
         self.views = _views(memory, environments)
-        self._pipes, self._processes, self._group = [], [], None
+        self._pipes: list[Any] = []
+        self._processes: list[Any] = []
+        self._group: _Group | None = None
         if workers == 0:
             self._group = _Group(blueprint, self.views, range(environments))
             return
@@ -189,8 +197,14 @@ class VectorSimulation:
             raise WorkerError(f"worker {worker} failed:\n{value}")
         return value
 
+    @property
+    def simulators(self) -> list[Simulator]:
+        """The simulators of this process; empty where workers hold them."""
+        return [] if self._group is None else self._group.simulators
+
     def reset(self) -> None:
         """Start the next episode everywhere; states in ``z0, x0, R0, q0``."""
+        self._require_open()
         if self._group is not None:
             self._group.reset()
             return
@@ -201,6 +215,7 @@ class VectorSimulation:
 
     def step_async(self) -> None:
         """Begin a step with the actions in ``views``."""
+        self._require_open()
         for worker, pipe in enumerate(self._pipes):
             try:
                 pipe.send_bytes(b"step")
@@ -215,6 +230,10 @@ class VectorSimulation:
         for worker in range(len(self._pipes)):
             ended.update(self._answer(worker))
         return ended
+
+    def _require_open(self) -> None:
+        if self._group is None and not self._pipes:
+            raise WorkerError("the simulation is closed: a worker failed before, or close() was called")
 
     def close(self) -> None:
         """End all workers."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pybullet
@@ -64,13 +65,13 @@ class World:
         self.q, self.e = np.zeros((SAMPLES, kinematics.JOINTS)), np.zeros((SAMPLES, kinematics.JOINTS))
         self.position, self.rotation = np.zeros(3), np.eye(3)
         self.joints, self.speeds = np.zeros(kinematics.ALL_JOINTS), np.zeros(kinematics.ALL_JOINTS)
-        self.body: Body | None = None
+        self.body: Body  # set by load
 
     def close(self) -> None:
         """Disconnect the client."""
         self.bullet.disconnect()
 
-    def load(self, body: Body, physics: Mapping[str, object]) -> None:
+    def load(self, body: Body, physics: Mapping[str, Any]) -> None:
         """Build the scene with ``body`` and the episode's ``physics`` (names and units: ``randomization``)."""
         bullet, self.body = self.bullet, body
         self.physics = dict(physics)
@@ -105,7 +106,7 @@ class World:
             forces=np.asarray(physics["stick_friction"]).tolist(),
         )  # a velocity motor at rest is Coulomb friction
         impedance = Impedance(physics["kp"], physics["kd"], physics["series_stiffness"])
-        self.controller = ImpedanceController(impedance, self.config.time_step)
+        self.controller = ImpedanceController(impedance, self.config.time_step, self.physics["gravity"])
         self._offset = np.asarray(physics["joint_offset"], dtype=np.float64)
         self.disturb(np.zeros(3), np.zeros(3))
 
@@ -121,6 +122,12 @@ class World:
         self._read_joints()
         self._read_object()
         self._measure(slice(None))
+
+    def set_gravity(self, gravity: float) -> None:
+        """Gravity in m/s² from now on, and the fingers' compensation of it; ends any disturbance."""
+        self.physics["gravity"] = gravity
+        self.controller.compensate(gravity)
+        self.disturb(np.zeros(3), np.zeros(3))
 
     def disturb(self, force: Array, torque: Array) -> None:
         """Force ``(3,)`` N and torque ``(3,)`` Nm on the object until the next call, world frame.

@@ -98,7 +98,7 @@ class ReorientEnv(gymnasium.Env):
             return None
         from tactile_kit.simulation.camera import picture
 
-        return picture(self.simulator.world)
+        return picture(self.simulator.world.bullet)
 
     def close(self) -> None:
         """Disconnect from Bullet."""

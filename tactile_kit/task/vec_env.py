@@ -125,15 +125,14 @@ class ReorientVecEnv(VecEnv):
             spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32),
             spaces.Box(-1.0, 1.0, (JOINTS,), np.float32),
         )
+        self._listed = None if episodes is None else self._checked(list(episodes))
         self.gravity = config.gravity
         self.simulation = VectorSimulation(core.blueprint, num_envs, num_workers)
-        self._listed = None if episodes is None else list(episodes)
-        self.results: list[EpisodeResult | None] = [] if self._listed is None else [None] * len(self._listed)
-        self._queue: Iterator[int] = iter(range(len(self.results)))
-        self._sources = [training_episodes(config, self.variants, i, seed) for i in range(num_envs)]
-        self._spec: list[EpisodeSpec | None] = [None] * num_envs
+        self._sources = [training_episodes(config, self.variants, i, seed, num_envs) for i in range(num_envs)]
+        self._spec: dict[int, EpisodeSpec] = {}  # of the present episode of every environment
         self._number = np.full(num_envs, -1)  # place of the present episode in the list, -1: none
-        self._next: list[tuple[int, EpisodeSpec]] = [self._draw(i) for i in range(num_envs)]
+        self._theta_min, self._return = np.zeros(num_envs), np.zeros(num_envs)
+        self._announce()
         self.state = self._blank_state()
         self.belief = Belief(
             np.zeros((num_envs, 3), np.float32), np.tile(np.eye(3, dtype=np.float32), (num_envs, 1, 1))
@@ -150,6 +149,25 @@ class ReorientVecEnv(VecEnv):
             np.zeros((E, 144), np.float32), np.zeros((E, 3)), eye, np.zeros((E, 3)), eye.copy(), eye.copy(),
             np.zeros(E, np.int64), np.zeros(E, np.int64), np.zeros(E, np.int64),
         )  # fmt: skip
+
+    def _checked(self, episodes: list[EpisodeSpec]) -> list[EpisodeSpec]:
+        if not episodes:
+            raise ValueError(
+                "episodes is empty: allowed are one and more (None: training episodes without end)"
+            )
+        for number, spec in enumerate(episodes):
+            for name in ("variant", "given"):
+                if not 0 <= getattr(spec, name) < len(self.variants):
+                    raise ValueError(
+                        f"episodes[{number}].{name} = {getattr(spec, name)}: allowed are 0 to {len(self.variants) - 1}"
+                    )
+        return episodes
+
+    def _announce(self) -> None:
+        """Tell the workers of the first episodes; a list begins at its start."""
+        self.results: list[EpisodeResult | None] = [None] * len(self._listed or [])
+        self._queue: Iterator[int] = iter(range(len(self.results)))
+        self._next: list[tuple[int, EpisodeSpec]] = [self._draw(i) for i in range(self.num_envs)]
 
     def _draw(self, environment: int) -> tuple[int, EpisodeSpec]:
         """The episode after the next in ``environment``, announced to its worker."""
@@ -169,7 +187,7 @@ class ReorientVecEnv(VecEnv):
     def _begin(self, mask: Array) -> None:
         """Take over the first states of new episodes and announce the following ones."""
         views, state = self.simulation.views, self.state
-        for i in np.flatnonzero(mask):
+        for i in np.flatnonzero(mask).tolist():
             self._number[i], spec = self._next[i]
             self._spec[i] = spec
             state.goal[i], state.given[i], state.variant[i] = spec.goal, spec.given, spec.variant
@@ -211,8 +229,9 @@ class ReorientVecEnv(VecEnv):
     # -- VecEnv -----------------------------------------------------------------------------------------------------
 
     def reset(self) -> Array:
-        """Begin episodes everywhere; ``(E, D) float32``."""
-        self._theta_min, self._return = np.zeros(self.num_envs), np.zeros(self.num_envs)
+        """Begin episodes everywhere, a list of episodes at its start; ``(E, D) float32``."""
+        if self._listed is not None:
+            self._announce()
         self.simulation.reset()
         everywhere = np.ones(self.num_envs, bool)
         self._begin(everywhere)
@@ -235,7 +254,7 @@ class ReorientVecEnv(VecEnv):
         terms = reward_terms(
             self.config.reward, R_before, state.R, state.goal, x_before, state.x, state.x0, views["q"]
         )
-        reward = sum(terms.values()).astype(np.float32)
+        reward = np.sum(list(terms.values()), axis=0).astype(np.float32)
         status = views["status"]
         truncated = status == Status.TIME
         terminated = (status == Status.DROP) | (status == Status.FAULT)
@@ -251,8 +270,8 @@ class ReorientVecEnv(VecEnv):
         )  # fmt: skip
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if done.any():
-            for i in np.flatnonzero(done):
-                infos[i] = self._finish(i, theta[i], Status(int(status[i])), ended[int(i)], observation[i])
+            for i in np.flatnonzero(done).tolist():
+                infos[i] = self._finish(i, theta[i], Status(int(status[i])), ended[i], observation[i])
             self._begin(done)
             self.belief = self._start_belief(done)
             observation = self._observe()
@@ -308,7 +327,7 @@ class ReorientVecEnv(VecEnv):
         return [False] * len(list(self._get_indices(indices)))
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Episodes follow from the constructor's seed; SB3 calls this with the learner's seed, which changes nothing."""
+        """Changes nothing: episodes follow from the constructor's seed, and SB3 calls this with the learner's."""
         return [self.seed_value] * self.num_envs
 
 
@@ -323,7 +342,7 @@ def make_vec(config: TaskConfig | None = None, **settings: Any) -> ReorientVecEn
         for name in ("num_envs", "num_workers", "seed", "episodes")
         if name in settings
     }
-    config = TaskConfig(**settings) if config is None else config.model_copy(update=settings)
+    config = TaskConfig(**({} if config is None else config.model_dump()) | settings)
     return ReorientVecEnv(config, **{"num_envs": 16, **own})
 
 
