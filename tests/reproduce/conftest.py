@@ -17,7 +17,9 @@ from tactile_kit.evaluation import EpisodeRow, write_rows
 ROUND, NON_CONVEX = (5, 12), (0, 6, 7, 10, 11)
 
 
-def episode(role: str, held, given, number: int, success: bool, theta: float, drop: bool, size: int = 0) -> EpisodeRow:
+def episode(
+    role: str, held, given, number: int, success: bool, theta: float, drop: bool, size: int = 0
+) -> EpisodeRow:
     kind, encoding, _ = role.split("-")
     return EpisodeRow(
         f"{role}-s0", kind, encoding, 0, held.id, held.name, size, *map(float, held.extents), given.id, given.name,
@@ -32,7 +34,9 @@ def episodes(role: str, held, successes: int, total: int, given=None, size: int 
     for number in range(total):
         success = number < successes
         theta = float(rng.uniform(0.02, 0.39)) if success else float(rng.uniform(0.5, 3.0))
-        rows.append(episode(role, held, given or held, number, success, theta, not success and number % 3 == 0, size))
+        rows.append(
+            episode(role, held, given or held, number, success, theta, not success and number % 3 == 0, size)
+        )
     return rows
 
 
@@ -56,6 +60,8 @@ class World:
         self.folder = folder
         self.runs: dict[str, dict] = {}
         self.episodes: dict[str, str | None] = {}
+
+    draw = staticmethod(episodes)
 
     def run(self, role: str, seed: int = 0, steps: int = 123_456, curve: np.ndarray | None = None) -> str:
         name = f"{role}-s{seed}"
@@ -110,7 +116,9 @@ def fill(world: World, total: int = 200) -> World:
             rows += episodes(role, things[item], round(total * paper_rate(role, item)), total)
         world.evaluated(role, "nominal", rows)
     for role, rate in ((ORACLE, 0.9), (TACTILE, 0.5)):
-        rows = [row for item in (13, 14, 15) for row in episodes(role, things[item], round(total * rate), total)]
+        rows = [
+            row for item in (13, 14, 15) for row in episodes(role, things[item], round(total * rate), total)
+        ]
         world.evaluated(role, "complex", rows)
     rng = np.random.default_rng(0)
     for evaluation in ("extent-true", "extent-fixed"):
@@ -126,10 +134,22 @@ def fill(world: World, total: int = 200) -> World:
     rows = []
     for given in range(13):
         for held in range(13):
-            rate = 0.92 if given == held or (given, held) == (8, 6) else 0.15 + 0.5 * ((given * 7 + held * 3) % 5) / 5
+            rate = (
+                0.92
+                if given == held or (given, held) == (8, 6)
+                else 0.15 + 0.5 * ((given * 7 + held * 3) % 5) / 5
+            )
             rows += episodes(TACTILE, things[held], round(24 * rate), 24, things[given])
     world.evaluated(TACTILE, "confusion", rows)
-    ends = {"vec_bps": 0.9, "bps": 0.9, "pointnet": 0.62, "pos_rot": 0.55, "mesh": 0.54, "pos": 0.56, "none": 0.4}
+    ends = {
+        "vec_bps": 0.9,
+        "bps": 0.9,
+        "pointnet": 0.62,
+        "pos_rot": 0.55,
+        "mesh": 0.54,
+        "pos": 0.56,
+        "none": 0.4,
+    }
     for objects, lines in CURVES.items():
         for line in lines:
             for seed in (0, 1, 2):
@@ -138,11 +158,17 @@ def fill(world: World, total: int = 200) -> World:
                 end += (seed - 1) * (0.06 if line == "pos_rot" else 0.01)
                 curve = end * (1 - np.exp(-np.arange(100) / 25.0))
                 world.run(f"oracle-{line}-{objects}", seed, curve=curve)
-                if (name := f"oracle-{line}-{objects}-s0") not in world.episodes and seed == 0:
-                    assert name in world.runs
     return world
 
 
+@pytest.fixture(scope="session")
+def paper_world(tmp_path_factory: pytest.TempPathFactory) -> World:
+    """Made once; read only."""
+    return fill(World(tmp_path_factory.mktemp("paper_world")))
+
+
 @pytest.fixture
-def full_world(world: World) -> World:
-    return fill(world)
+def full_world(paper_world: World, world: World) -> World:
+    """The paper's world, of which a test may overwrite parts: new files go to the test's own folder."""
+    world.runs, world.episodes = dict(paper_world.runs), dict(paper_world.episodes)
+    return world

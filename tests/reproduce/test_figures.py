@@ -1,0 +1,176 @@
+"""Figures: the same data give the same bytes, bars and cells hold the rates, and what is missing says so."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import object_sets
+from reproduce.artefacts import make
+from reproduce.artefacts.extent import polynomial, samples
+from reproduce.artefacts.learning import band, ends
+from reproduce.artefacts.violin import density_of
+from reproduce.cells import read_cells
+from reproduce.errors import ReproduceError
+from reproduce.inventory import ORACLE, TACTILE, Curve, read_curve
+from reproduce.plan import FIGURES
+from tactile_kit.evaluation import wilson
+
+THINGS = {thing.id: thing for thing in object_sets.load("all")}
+
+
+def outputs(name, folder):
+    if name == "claims":
+        return [folder / "claims.csv"]
+    if name.startswith("table"):
+        return [folder / "tables" / f"{name}.{suffix}" for suffix in ("csv", "tex")]
+    return [folder / "figures" / f"{name}.{suffix}" for suffix in ("png", "svg", "csv")]
+
+
+@pytest.mark.parametrize("name", [*FIGURES, "table1", "table2", "claims"])
+def test_same_data_same_bytes(full_world, tmp_path, name):
+    made = []
+    for turn in ("a", "b"):
+        files = outputs(name, tmp_path / turn)
+        make(name, full_world.results, files)
+        made.append([file.read_bytes() for file in files])
+    assert made[0] == made[1]
+    for file, content in zip(files, made[0], strict=True):
+        if file.suffix == ".png":
+            assert content.startswith(b"\x89PNG") and b"tIME" not in content and b"Matplotlib" not in content
+        if file.suffix == ".svg":
+            assert b"<svg" in content and b"dc:date" not in content
+
+
+@pytest.mark.parametrize("name", ["learning", "violin", "success", "complex", "extent", "confusion"])
+def test_a_world_without_runs_has_missing_cells_only(world, tmp_path, name):
+    files = outputs(name, tmp_path)
+    make(name, world.results, files)
+    cells = read_cells(files[2])
+    assert cells and all(cell.status == "missing" and cell.ours is None for cell in cells)
+    assert (
+        b"missing" in files[1].read_bytes() or name == "confusion"
+    )  # text is drawn as paths; comments hold it
+
+
+def test_bars_hold_rate_interval_and_count(world, tmp_path):
+    world.evaluated(
+        TACTILE, "nominal", [row for i in range(13) for row in world.draw(TACTILE, THINGS[i], i, 24)]
+    )
+    files = outputs("success", tmp_path)
+    make("success", world.results, files)
+    cells = read_cells(files[2])
+    simulated = [cell for cell in cells if "simulation" in cell.column]
+    transferred = [cell for cell in cells if "transfer" in cell.column]
+    assert len(simulated) == len(transferred) == 13
+    for item, cell in enumerate(simulated):
+        assert cell.ours == pytest.approx(item / 24, abs=1e-6) and cell.n == 24
+        assert (cell.low, cell.high) == pytest.approx(wilson(item, 24), abs=1e-6)
+        assert cell.paper == (0.66 if item in (5, 12) else 0.90)
+    assert all(cell.status == "missing" and cell.note == "no transfer run" for cell in transferred)
+
+
+def test_transferred_episodes_fill_their_bars(world, tmp_path):
+    for evaluation, successes in (("nominal", 20), ("transfer", 12)):
+        rows = [row for i in range(13) for row in world.draw(TACTILE, THINGS[i], successes, 24)]
+        world.evaluated(TACTILE, evaluation, rows)
+    files = outputs("success", tmp_path)
+    make("success", world.results, files)
+    assert {c.ours for c in read_cells(files[2]) if "transfer" in c.column} == {0.5}
+
+
+def test_complex_compares_the_agents(world, tmp_path):
+    for role, successes in ((ORACLE, 18), (TACTILE, 9)):
+        world.evaluated(
+            role, "complex", [row for i in (13, 14, 15) for row in world.draw(role, THINGS[i], successes, 24)]
+        )
+    files = outputs("complex", tmp_path)
+    make("complex", world.results, files)
+    assert [cell.ours for cell in read_cells(files[2])] == [0.375] * 3 + [0.75] * 3
+
+
+def test_confusion_has_mesh_given_in_rows(world, tmp_path):
+    rows = [
+        row for given in range(13) for held in range(13)
+        for row in world.draw(TACTILE, THINGS[held], 12 if given == held else given, 13, THINGS[given])
+    ]  # fmt: skip
+    world.evaluated(TACTILE, "confusion", rows)
+    files = outputs("confusion", tmp_path)
+    make("confusion", world.results, files)
+    matrix = np.array([cell.successes for cell in read_cells(files[2])]).reshape(13, 13)
+    expected = np.tile(np.arange(13)[:, None], (1, 13))
+    np.fill_diagonal(expected, 12)
+    np.testing.assert_array_equal(matrix, expected)
+
+
+def test_violin_separates_drops_and_large_angles(world, tmp_path):
+    rows = []
+    for role in (ORACLE, TACTILE):
+        found = world.draw(role, THINGS[8], 10, 16)
+        found[12] = dataclasses.replace(found[12], drop=True, theta=0.1)  # dropped, whatever its angle
+        found[10:12] = [
+            dataclasses.replace(row, drop=False, theta=theta)
+            for row, theta in zip(found[10:12], (1.49, 1.51), strict=True)
+        ]
+        found[13:] = [dataclasses.replace(row, drop=False, theta=0.9) for row in found[13:]]
+        world.evaluated(role, "nominal", found)
+        rows.append(found)
+    files = outputs("violin", tmp_path)
+    make("violin", world.results, files)
+    shares = [c for c in read_cells(files[2]) if c.row == "8 cube" and c.quantity.startswith("share")]
+    assert [(c.successes, c.n) for c in shares] == [(2, 16), (2, 16)]
+    angles = [c.ours for c in read_cells(files[2]) if c.row == "8 cube" and "angle" in c.quantity]
+    assert angles == pytest.approx([np.mean([row.theta for row in found]) for found in rows], abs=1e-5)
+
+
+def test_density_holds_all_mass_above_zero():
+    grid = np.linspace(0, 1.5, 1501)
+    density = density_of(np.array([0.01, 0.02, 0.5, 1.0]), grid)
+    assert np.trapezoid(density, grid) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_extent_samples_and_fit(world):
+    rows = []
+    extents = np.linspace(0.046, 0.089, 12)
+    for size, extent in enumerate(extents, start=1):
+        rows += world.draw(
+            TACTILE, THINGS[8].with_extents((0.0675, 0.0675, extent)), size, 24, THINGS[8], size
+        )
+    x, rates, counts = samples(rows)
+    np.testing.assert_allclose(x, extents)
+    np.testing.assert_allclose(rates, np.arange(1, 13) / 24)
+    assert set(counts) == {24}
+    exact = 0.3 + 40 * (x - 0.06) ** 2
+    np.testing.assert_allclose(polynomial(x, exact, 4)(x), exact, atol=1e-9)
+    assert polynomial(x[:5], exact[:5], 4) is None  # five points fix a polynomial of degree 4; that is no fit
+
+
+def test_curves_are_cut_where_all_seeds_are():
+    long = Curve("a", (0, 100, 200), (0.0, 0.5, 1.0))
+    brief = Curve("b", (0, 100), (0.0, 0.3))
+    steps, low, mean, high = band([long, brief])
+    assert steps[-1] == 100
+    np.testing.assert_allclose([low[-1], mean[-1], high[-1]], [0.3, 0.4, 0.5])
+    np.testing.assert_allclose(ends([long, brief]), [0.475, 0.285])
+
+
+@pytest.mark.parametrize(
+    "line, word",
+    [('{"step": 5, "success": 1.5}', "success"), ('{"step": -1, "success": 0.5}', "step"), ("{", "JSON")],
+)
+def test_bad_metrics_are_refused_with_file_and_line(tmp_path, line, word):
+    path = tmp_path / "metrics.jsonl"
+    path.write_text('{"step": 1, "success": 0.5}\n' + line + "\n")
+    with pytest.raises(ReproduceError, match="line 2") as error:
+        read_curve("run", path)
+    assert str(path) in str(error.value) and word in str(error.value)
+
+
+def test_held_out_lines_are_no_training_points(tmp_path):
+    path = tmp_path / "metrics.jsonl"
+    path.write_text(
+        '{"step": 1, "success": null}\n{"step": 2, "success": 0.5}\n{"step": 2, "evaluation": true, "success_rate": 0.9}\n'
+    )
+    assert read_curve("run", path) == Curve("run", (2,), (0.5,))
