@@ -2,7 +2,7 @@
 
 Every network reads ``ObservationFeatures``: the observation, normalised by running statistics shared by actor and
 critics, with the shape slice passed through the encoding's learned layer where it has one (PointNet: 768 -> 64).
-Inputs are laid out with the features *last* in every weight matrix, so that a warm start can map columns by name.
+The features are the *last* columns of every weight matrix that reads them, so that a warm start can map columns.
 """
 
 from __future__ import annotations
@@ -284,7 +284,8 @@ class CriticEnsemble(nn.Module):
     """SAC's critics, computed together: features ``(B, F)`` and actions ``(B, A)`` to values ``(n, B)``.
 
     All critics' first layers are one wide matrix product, the following ones batched ones: on a CPU that is faster
-    than one network after the other. Weights are ``(n, out, in)``, the first with columns [actions, features].
+    than one network after the other. Actions have first-layer weights of their own, so that the actor's gradient
+    needs no product with the features'. Weights are ``(n, out, in)``.
     """
 
     def __init__(self, features: ObservationFeatures, actions: int, config: NetworkConfig, critics: int = 2) -> None:
@@ -292,14 +293,17 @@ class CriticEnsemble(nn.Module):
         if config.dense:
             raise ValueError("critic.dense: the critics of SAC have no D2RL form; set it to false")
         self.features = features
-        self.critics, self.actions = critics, actions
+        self.critics = critics
         self.activation = ACTIVATIONS[config.activation]()
-        widths = [actions + features.features_dim, *config.hidden, 1]
+        inputs = features.features_dim
+        widths = [inputs, *config.hidden, 1]
         self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
         for before, after in pairwise(widths):
-            bound = before**-0.5
+            bound = (before + actions if before is inputs else before) ** -0.5
             self.weights.append(nn.Parameter(torch.empty(critics, after, before).uniform_(-bound, bound)))
             self.biases.append(nn.Parameter(torch.empty(critics, 1, after).uniform_(-bound, bound)))
+        bound = (inputs + actions) ** -0.5
+        self.action_weights = nn.Parameter(torch.empty(critics, config.hidden[0], actions).uniform_(-bound, bound))
         self.gains, self.offsets = nn.ParameterList(), nn.ParameterList()
         if config.layer_norm:
             for width in config.hidden:
@@ -307,15 +311,16 @@ class CriticEnsemble(nn.Module):
                 self.offsets.append(nn.Parameter(torch.zeros(critics, 1, width)))
 
     def embed(self, features: Tensor, actions: Tensor) -> Tensor:
-        inputs = torch.cat([actions, features], dim=1)
-        first = F.linear(inputs, self.weights[0].flatten(0, 1))
-        hidden = first.view(len(inputs), self.critics, -1).transpose(0, 1) + self.biases[0]
+        first = F.linear(features, self.weights[0].flatten(0, 1), self.biases[0].flatten())
+        first = first + F.linear(actions, self.action_weights.flatten(0, 1))
+        hidden = first.unflatten(1, (self.critics, -1)).transpose(0, 1)
         for index in range(1, len(self.weights)):
             if len(self.gains):
-                hidden = F.layer_norm(hidden.float(), hidden.shape[-1:])
-                hidden = torch.addcmul(self.offsets[index - 1], hidden, self.gains[index - 1])
+                # in the precision of the products: a mixed one would copy back and forth
+                gain, offset = self.gains[index - 1].to(hidden.dtype), self.offsets[index - 1].to(hidden.dtype)
+                hidden = torch.addcmul(offset, F.layer_norm(hidden, hidden.shape[-1:]), gain)
             hidden = self.activation(hidden)
-            hidden = torch.bmm(hidden, self.weights[index].transpose(1, 2)) + self.biases[index]
+            hidden = torch.baddbmm(self.biases[index], hidden, self.weights[index].transpose(1, 2))
         return hidden.squeeze(-1).float()
 
     def forward(self, observations: Tensor, actions: Tensor) -> tuple[Tensor, ...]:

@@ -161,6 +161,8 @@ class SAC(stable_baselines3.SAC):
             noise = torch.randn(2, *batch.actions.shape, generator=self.noise)
             temperature = self.log_ent_coef.detach().exp()
             now, following = norm(batch.observations), norm(batch.next_observations)
+            if config.bfloat16:  # once here, not in every layer that reads them
+                now, following = now.bfloat16(), following.bfloat16()
             with torch.autocast("cpu", torch.bfloat16, enabled=config.bfloat16):
                 with torch.no_grad():
                     action, density = actor.squashed_sample(actor.features.embed(following), noise[0])

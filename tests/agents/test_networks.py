@@ -141,7 +141,10 @@ def test_critics_equal_separate_networks() -> None:
     for index, value in enumerate(ensemble(x, a)):
         hidden = torch.cat([a, ensemble.features(x)], 1)
         for layer in range(3):
-            hidden = hidden @ ensemble.weights[layer][index].T + ensemble.biases[layer][index]
+            weight = ensemble.weights[layer][index]
+            if layer == 0:
+                weight = torch.cat([ensemble.action_weights[index], weight], 1)
+            hidden = hidden @ weight.T + ensemble.biases[layer][index]
             if layer < 2:
                 hidden = torch.nn.functional.layer_norm(
                     hidden, hidden.shape[-1:], ensemble.gains[layer][index, 0], ensemble.offsets[layer][index, 0]

@@ -53,7 +53,7 @@ def test_without_relabelling_the_stored_transitions_come_back() -> None:
 
 
 def test_the_own_goal_gives_the_own_reward_and_observation() -> None:
-    memory, env, _ = filled(40, random_goals=1.0, future_goals=0.0)
+    memory, _, _ = filled(40, random_goals=1.0, future_goals=0.0)
     chosen: list[np.ndarray] = []
 
     def same(rng, count):  # the goal each transition had; the buffer asks after drawing rows
@@ -92,7 +92,7 @@ def test_random_goals_are_what_the_task_would_have_computed() -> None:
 
 @pytest.mark.parametrize(("capacity", "steps"), [(4000, 90), (30 * 8, 103)], ids=["growing", "wrapped around"])
 def test_future_goals_come_from_later_in_the_same_episode(capacity: int, steps: int) -> None:
-    memory, env, log = filled(steps, capacity, random_goals=0.0, future_goals=1.0, future_steps=5)
+    memory, _, log = filled(steps, capacity, random_goals=0.0, future_goals=1.0, future_steps=5)
     memory.goals[:] = 0
     lags = []
     for _ in range(8):
@@ -127,7 +127,7 @@ def test_ends_of_episodes_from_outside_are_boundaries() -> None:
     memory, _, _ = filled(3, envs=4, random_goals=0.0, future_goals=1.0)
     memory.end_episodes()
     before = memory.episodes[2].copy()
-    other, env, _ = filled(1, envs=4)
+    _, env, _ = filled(1, envs=4)
     memory.add(env.reset(), np.zeros((4, ACTIONS), np.float32), env.transition)
     assert (memory.episodes[3] > before).all()
 
@@ -153,7 +153,7 @@ def test_bad_settings_and_states_are_refused() -> None:
     memory, env, _ = filled(3)
     with pytest.raises(ValueError, match="at most 1"):
         filled(1, random_goals=0.7, future_goals=0.5)
-    with pytest.raises(ValueError, match="does not fit|holds"):
+    with pytest.raises(ValueError, match="holds"):
         filled(1, capacity=800)[0].restore(memory.arrays())
     state = memory.arrays()
     state["actions"] = state["actions"].astype(np.float64)

@@ -97,5 +97,8 @@ def test_gravity_rises_in_stairs_to_its_end() -> None:
 
 
 def test_settings_do_not_import_torch() -> None:
-    code = "import sys, tactile_kit.runs; tactile_kit.runs.RunConfig.preset('sac-smoke'); assert 'torch' not in sys.modules"
+    code = (
+        "import sys, tactile_kit.runs; tactile_kit.runs.RunConfig.preset('sac-smoke'); "
+        "assert 'torch' not in sys.modules"
+    )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
