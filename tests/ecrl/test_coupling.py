@@ -129,6 +129,16 @@ def test_an_episode_begins_with_the_given_orientation() -> None:
     )
 
 
+def test_episodes_may_begin_in_several_calls() -> None:
+    coupling, world = make(ECRLConfig(rollout=2)), World()
+    play(coupling, world, 1)
+    first = np.arange(E) < 2
+    coupling.start(first, world.x, world.R, world.R)
+    coupling.start(~first, world.x, world.R, world.R)
+    coupling.update(world.z, world.given, world.x, world.R)
+    assert coupling.memory.recent[0].started[1].all()
+
+
 def test_recordings_replay_to_the_states_that_were_lived() -> None:
     coupling, world = make(ECRLConfig(rollout=8, reuse=1, kept=3), RIGID), World()
     lived, truths = [], []

@@ -157,6 +157,20 @@ def test_a_sequence_continues_where_the_state_was_stored() -> None:
     assert gradient is None
 
 
+def test_a_stored_state_is_not_judged() -> None:
+    """It came from older weights and can't be improved: its truth must not enter the loss, an initial state's must."""
+    cell, shape, bps = make()
+    data = motion(np.random.default_rng(4), 3, 4, TINY.latent)
+    elsewhere = data.x_before.clone()
+    elsewhere[0] += 0.02
+    for started, differs in ((data.started, True), (torch.zeros_like(data.started), False)):
+        losses = [
+            sequence_loss(cell, _with(data, started=started, x_before=x), shape, bps).loss
+            for x in (data.x_before, elsewhere)
+        ]
+        assert bool((losses[0] - losses[1]).abs() > 1e-4) == differs
+
+
 @pytest.mark.parametrize("name", ["vec_bps", "bps", "pos", "none"])
 def test_loss_gradient_against_finite_differences(name: str) -> None:
     """Whole cell and loss in float64, through the recurrence and the basis points, along random directions."""

@@ -145,6 +145,9 @@ def test_minibatches_visit_all_before_any_twice() -> None:
     assert len(order) == 50
     assert sorted(order[:20]) == sorted(order[20:40]) == list(range(20))
     assert max(map(len, batches)) <= TINY.minibatch
+    # a minibatch larger than what there is would hold the same sequence twice
+    few = [batch.tolist() for batch in trainer._minibatches(5, 15)]
+    assert [sorted(batch) for batch in few] == [list(range(5))] * 3
 
 
 def test_not_finite_data_stops_training_and_spares_the_weights() -> None:
