@@ -1,0 +1,29 @@
+"""The hand alone in Bullet, straight from its URDF: what kinematics and controller are held against."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pybullet
+import pytest
+
+from tactile_kit.hand import kinematics
+from tactile_kit.hand.urdf import write_hand_urdf
+from tactile_kit.simulation.client import Client
+from tactile_kit.task.rotations import to_quaternion
+
+
+@pytest.fixture(scope="package")
+def loaded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Client, int]]:
+    """Client and body id."""
+    path = write_hand_urdf(tmp_path_factory.mktemp("hand") / "deep" / "hand.urdf")
+    client = Client()
+    body = client.loadURDF(
+        str(path),
+        kinematics.HAND_POSITION.tolist(),
+        to_quaternion(kinematics.HAND_ROTATION).tolist(),
+        useFixedBase=True,
+        flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
+    )
+    yield client, body
+    client.disconnect()
