@@ -96,8 +96,6 @@ def _check(position, rotation, mesh, meshes):
             if not abs(product - (1 if i == j else 0)) <= MAX_SKEW:
                 return BAD_ROTATION
     cross = rotation[1, 0] * rotation[2, 1] - rotation[2, 0] * rotation[1, 1]
-    if not cross * rotation[0, 2] > -0.5:
-        return BAD_ROTATION
     determinant = (
         rotation[0, 2] * cross
         + rotation[1, 2] * (rotation[2, 0] * rotation[0, 1] - rotation[0, 0] * rotation[2, 1])
@@ -230,12 +228,9 @@ def _finish(rows, normals, start, rotation, s, vectors, unit, save):
     r20, r21, r22 = rotation[2, 0], rotation[2, 1], rotation[2, 2]
     # Table driven: four candidates (edges ab bc ac, face) as offset and direction, one picked by index. If/else here
     # costs a mispredicted branch per point, and selects are turned into branches by LLVM.
-    s[EDGE + 6] = zero
-    s[EDGE + 7] = zero
-    s[EDGE + 8] = one
-    s[EDGE + 9] = zero
-    s[EDGE + 14] = zero
-    s[EDGE + 15] = zero
+    s[EDGE + 6], s[EDGE + 7] = zero, zero
+    s[EDGE + 8], s[EDGE + 9] = one, zero
+    s[EDGE + 14], s[EDGE + 15] = zero, zero
     for k in range(K):
         f = start + int(s[WINNER + k])
         x, y, z = s[QX + k], s[QY + k], s[QZ + k]
@@ -252,16 +247,13 @@ def _finish(rows, normals, start, rotation, s, vectors, unit, save):
         along_c = p * cx + t * cy
         across_c = t * cx - p * cy
         dc = min(max(along_c, zero), ac) - along_c
-        s[EDGE + 0] = da
-        s[EDGE + 1] = -t
+        s[EDGE + 0], s[EDGE + 1] = da, -t
         s[EDGE + 2] = db * bx - across_b * by
         s[EDGE + 3] = db * by + across_b * bx
         s[EDGE + 4] = dc * cx + across_c * cy
         s[EDGE + 5] = dc * cy - across_c * cx
-        s[EDGE + 10] = bx
-        s[EDGE + 11] = by
-        s[EDGE + 12] = cx
-        s[EDGE + 13] = cy
+        s[EDGE + 10], s[EDGE + 11] = bx, by
+        s[EDGE + 12], s[EDGE + 13] = cx, cy
         ea, eb, ec = da * da + t * t, db * db + across_b * across_b, dc * dc + across_c * across_c
         nearest = int(eb < ea)
         nearest += (2 - nearest) * int(ec < min(ea, eb))
@@ -347,7 +339,7 @@ def forward(points, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, 
 
 @njit(**_OPTIONS)
 def _by_mesh(mesh, meshes):
-    """Rows in the order of their meshes, so that a table is read from memory once; as they come if sorting costs more."""
+    """Rows in the order of their meshes, so that a table is read once; as they come where sorting costs more."""
     size = mesh.shape[0]
     order = np.arange(size)
     if size > 2 and 4 * size >= meshes:

@@ -104,7 +104,7 @@ class MeshTable:
 def pseudonormals(
     corners: np.ndarray, neighbours: np.ndarray, vertices: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Face normals (F, 3) and the seven feature normals (F, 7, 3): face, edges ab bc ca, vertices a b c; unit length."""
+    """Unit normals of faces (F, 3) and of the seven features (F, 7, 3): face, edges ab bc ca, vertices a b c."""
     edges = np.roll(corners, -1, axis=1) - corners  # ab, bc, ca
     cross = np.cross(edges[:, 0], -edges[:, 2])
     normals = _unit(cross)
@@ -152,7 +152,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 def _rounded_outwards(bounds: np.ndarray, dtype: type) -> np.ndarray:
     """Boxes (6, n) in the kernel's precision: low corners rounded down, high corners up, so that none shrinks."""
-    cast = np.ascontiguousarray(bounds, dtype=dtype)
+    cast: np.ndarray = np.ascontiguousarray(bounds, dtype=dtype)
     if cast.size and dtype is np.float32:
         cast[:3] = np.nextafter(cast[:3], dtype(-np.inf))
         cast[3:] = np.nextafter(cast[3:], dtype(np.inf))

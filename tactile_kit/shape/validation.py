@@ -79,9 +79,10 @@ def require_closed(corners: np.ndarray, faces: np.ndarray, owner: np.ndarray, nu
     flat = height <= MERGE_DISTANCE
     if flat.any():
         index = int(np.argmax(flat))
+        count = int((flat & (owner == owner[index])).sum())
         raise MeshError(
             f"mesh {owner[index]}: triangle {index - first[owner[index]]} has no area (three corners on a line, height "
-            f"{height[index]:.1e} m, allowed above {MERGE_DISTANCE:.0e} m); {int((flat & (owner == owner[index])).sum())} "
+            f"{height[index]:.1e} m, allowed above {MERGE_DISTANCE:.0e} m); {count} "
             "such slivers in this mesh: dropping them would open the surface, so retriangulate it"
         )
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()

@@ -162,7 +162,7 @@ def test_pointnet_points_lie_on_the_posed_surface_and_cover_it() -> None:
 
 
 def test_pointnet_does_not_depend_on_the_table() -> None:
-    x, R, mesh = batch(3)
+    x, R, _ = batch(3)
     alone = PointNet(table_of(SHAPES["l"]))(x, R, torch.zeros(3, dtype=torch.int64))
     assert torch.equal(alone, PointNet(TABLE)(x, R, torch.ones(3, dtype=torch.int64)))
     assert not torch.equal(alone, PointNet(TABLE, seed=1)(x, R, torch.ones(3, dtype=torch.int64)))

@@ -32,15 +32,16 @@ def test_hard_shapes(name: str, dtype: torch.dtype) -> None:
     check(table, torch.cat([x, touching_x]), torch.cat([R, touching_R]), mesh, dtype)
 
 
-@PRECISIONS
-def test_all_objects_nominal_and_scaled(dtype: torch.dtype) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize("dtype,per_mesh", [(torch.float32, 50), (torch.float64, 10)])
+def test_all_objects_nominal_and_scaled(dtype: torch.dtype, per_mesh: int) -> None:
+    """At least 100,000 float32 queries; the twin is slow, so there are fewer in float64."""
     rng = np.random.default_rng(2)
     objects = list(object_sets.load("all"))
     assert len(objects) == 16
     # half of them at per-axis random extents, as in training
     meshes = objects + [item.with_extents(rng.uniform(0.045, 0.09, 3)) for item in objects]
     table = MeshTable.from_meshes([(item.vertices, item.faces) for item in meshes])
-    per_mesh = 50
     queries, inside = 0, 0
     for index in range(len(table)):
         x, R = random_poses(rng, per_mesh // 2)
@@ -48,7 +49,7 @@ def test_all_objects_nominal_and_scaled(dtype: torch.dtype) -> None:
         mesh = torch.full((per_mesh,), index)
         inside += check(table, torch.cat([x, touching_x]), torch.cat([R, touching_R]), mesh, dtype)
         queries += per_mesh * 64
-    assert queries >= 100_000
+    assert queries >= (100_000 if dtype == torch.float32 else 20_000)
     assert 0.02 < inside / queries < 0.5
 
 
