@@ -42,8 +42,8 @@ def unpack_optimizer(
     state = optimizer.state_dict()
     entries: dict[int, dict[str, Tensor]] = {}
     for name, tensor in unpack(prefix, tensors).items():
-        index, key = name.split("/", 1)
-        entries.setdefault(int(index), {})[key] = tensor.clone()
+        number, key = name.split("/", 1)
+        entries.setdefault(int(number), {})[key] = tensor.clone()
     parameters = [parameter for group in optimizer.param_groups for parameter in group["params"]]
     for index, entry in entries.items():
         if index >= len(parameters) or entry["exp_avg"].shape != parameters[index].shape:

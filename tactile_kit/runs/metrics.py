@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from collections import deque
 from pathlib import Path
 from typing import Any
@@ -99,6 +100,8 @@ class MetricsFile:
         if self.path.exists():
             kept = [line for line in self.path.read_bytes().splitlines() if _step_of(line) <= step]
             write_atomically(self.path, b"".join(line + b"\n" for line in kept) if step else b"")
+        if not step:  # curves of a start that never reached a checkpoint
+            shutil.rmtree(directory / "tensorboard", ignore_errors=True)
         self._file = self.path.open("a", encoding="utf-8")
         self._board = SummaryWriter(str(directory / "tensorboard"), purge_step=step or None)
 

@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,112 +15,15 @@ import torch
 
 from randomization import derive
 from tactile_kit.agents.files import json_bytes, read_json, write_atomically
-from tactile_kit.agents.state import pack, unpack
 from tactile_kit.runs import checkpoint as checkpoints
 from tactile_kit.runs.config import RunConfig, differences
 from tactile_kit.runs.directory import hardware, locked, revision, versions
-from tactile_kit.runs.errors import CheckpointError, ConfigError
-from tactile_kit.runs.export import export_agent
-from tactile_kit.runs.metrics import MetricsFile, Tracker
+from tactile_kit.runs.errors import ConfigError
+from tactile_kit.runs.metrics import MetricsFile, read_metrics
 from tactile_kit.runs.progress import Progress
+from tactile_kit.runs.session import Run
 
 EnvFactory = Callable[[RunConfig], Any]
-
-
-@dataclass
-class Run:
-    """A run in progress: what is saved, beside learner and environment."""
-
-    config: RunConfig
-    directory: Path
-    learner: Any
-    env: Any
-    tracker: Tracker = field(default_factory=Tracker)
-    hours: float = 0.0  # trained before this process
-    warm_start: dict[str, Any] | None = None
-    evaluation: dict[str, Any] | None = None  # the last held-out one
-    line: dict[str, Any] = field(default_factory=dict)  # the last line of metrics
-    logged: int = 0  # environment steps at that line
-    gravity: float | None = None  # last told to the environment
-
-    def save(self) -> None:
-        """A checkpoint of everything, then the exported agent. Raises OSError."""
-        tensors, values = self.learner.state()
-        body: dict[str, Any] = {
-            "learner": values,
-            "tracker": self.tracker.state(),
-            "config": self.config.to_dict(),
-            "versions": dict(versions()),
-            "hours": self.hours,
-            "warm_start": self.warm_start,
-            "evaluation": self.evaluation,
-            "line": self.line,
-            "logged": self.logged,
-            "torch_rng": torch.get_rng_state().tolist(),
-        }
-        tensors = {f"learner/{name}": tensor for name, tensor in tensors.items()}
-        if hasattr(self.env, "get_state"):
-            arrays, body["env"] = _split(self.env.get_state())
-            tensors |= pack("env", {name: torch.from_numpy(array) for name, array in arrays.items()})
-        settings = self.config.checkpoint
-        memory = getattr(self.learner, "replay_buffer", None)
-        replay = memory.arrays() if memory is not None and settings.replay else None
-        folder = self.directory / "checkpoints"
-        checkpoints.save(folder, self.learner.num_timesteps, tensors, body, replay, settings.keep)
-        self.export()
-
-    def export(self) -> None:
-        """The agent as it is now."""
-        export_agent(
-            self.directory,
-            self.config,
-            self.learner,
-            hours=self.hours,
-            training=self.line,
-            evaluation=self.evaluation,
-            warm_start=self.warm_start,
-        )
-
-    def restore(self, saved: checkpoints.Checkpoint) -> None:
-        """Take up the state of a checkpoint. Raises CheckpointError when it does not fit."""
-        values = saved.values
-        try:
-            self.learner.restore(unpack("learner", saved.tensors), values["learner"])
-            self.tracker.restore(values["tracker"])
-            memory = getattr(self.learner, "replay_buffer", None)
-            if memory is not None:
-                arrays = saved.replay_arrays()
-                if arrays is not None:
-                    memory.restore(arrays)
-            if "env" in values and hasattr(self.env, "set_state"):
-                arrays = {name: tensor.numpy() for name, tensor in unpack("env", saved.tensors).items()}
-                self.env.set_state({**arrays, **values["env"]})
-        except (KeyError, ValueError, RuntimeError) as problem:
-            raise CheckpointError(f"{saved.path}: does not fit this run: {problem}") from problem
-        torch.set_rng_state(torch.tensor(values["torch_rng"], dtype=torch.uint8))
-        self.hours, self.warm_start, self.evaluation = values["hours"], values["warm_start"], values["evaluation"]
-        self.line, self.logged = values["line"], values["logged"]
-
-    def apply_gravity(self) -> None:
-        """Gravity of the curriculum at the present step, for the episodes to come."""
-        wanted = self.config.gravity.at(self.learner.num_timesteps)
-        if wanted != self.gravity:
-            self.gravity = wanted
-            self.env.set_gravity(wanted)
-
-    def begin_episodes(self) -> None:
-        """Start all environments afresh.
-
-        A physics engine's inner state cannot be saved, so every checkpoint is a boundary between episodes, for the run
-        that goes on as for one that resumes: both continue with the same episodes.
-        """
-        self.apply_gravity()
-        learner = self.learner
-        learner._last_obs = self.env.reset()
-        learner._last_episode_starts = np.ones(self.env.num_envs, dtype=bool)
-        memory = getattr(learner, "replay_buffer", None)
-        if memory is not None:
-            memory.end_episodes()
 
 
 def train(
@@ -155,6 +57,9 @@ def train(
         saved, messages = checkpoints.newest(directory / "checkpoints")
         if saved is not None:
             _check_resume(config, saved, directory, resume)
+            done = saved.step >= config.steps and finished(directory)
+            if done and not _evaluation_due(config, directory, saved.step):
+                return directory
         torch.set_num_threads(config.threads)
         torch.set_float32_matmul_precision(config.matmul_precision)
         torch.manual_seed(derive(config.seed, "learner", "default"))  # nothing should draw from it, but then it repeats
@@ -193,6 +98,12 @@ def finished(directory: str | Path) -> bool:
         return False
     config = RunConfig.from_yaml(directory / "config.yaml")
     return int(read_json(directory / "agent.json")["steps"]) >= config.steps
+
+
+def _evaluation_due(config: RunConfig, directory: Path, step: int) -> bool:
+    if not config.evaluation.at_end:
+        return False
+    return not any(line.get("evaluation") and line["step"] == step for line in read_metrics(directory))
 
 
 def default_env(config: RunConfig) -> Any:
@@ -274,11 +185,13 @@ def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
             if minutes and now - last_evaluation >= minutes * 60 and step < config.steps:
                 pause += _evaluate(run, metrics, progress)
                 last_evaluation = time.monotonic()
-        if learner.num_timesteps > last_save_step or not (run.directory / "agent.json").exists():
+        if learner.num_timesteps > last_save_step:
             run.save()
+        else:
+            run.export()  # a kill may have come between the last checkpoint and its export
         if stop.is_set():
             progress.say(f"stopped at {learner.num_timesteps:,} steps; run again to continue")
-        elif config.evaluation.at_end:
+        elif _evaluation_due(config, run.directory, learner.num_timesteps):
             _evaluate(run, metrics, progress)
             run.export()
 
@@ -349,12 +262,6 @@ def _write_record(directory: Path, resumed: checkpoints.Checkpoint | None) -> No
         "git": revision(),
     }
     write_atomically(path, json_bytes({"starts": [*starts, start]}))
-
-
-def _split(state: dict[str, Any]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """Arrays for safetensors, the rest for JSON."""
-    arrays = {name: value for name, value in state.items() if isinstance(value, np.ndarray)}
-    return arrays, {name: value for name, value in state.items() if name not in arrays}
 
 
 @contextmanager

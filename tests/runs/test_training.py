@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import signal
@@ -78,9 +79,18 @@ def test_a_run_leaves_an_agent_and_its_history(tmp_path: Path, algorithm: str) -
     assert "barely trained" in card and "1,024 environment steps" in card and "not been evaluated" in card
     assert any((tmp_path / "tensorboard").iterdir())
     assert len(list((tmp_path / "checkpoints").iterdir())) == 2
-    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "checkpoints").rglob("*")}
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.name != ".lock"}
     run(tmp_path, algorithm, 1024)  # nothing left to do
-    assert before == {path: path.stat().st_mtime_ns for path in (tmp_path / "checkpoints").rglob("*")}
+    assert before == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.name != ".lock"}
+
+
+def test_a_kill_between_checkpoint_and_export_is_made_good(tmp_path: Path) -> None:
+    run(tmp_path, "sac", 480)
+    whole = {name: (tmp_path / name).read_bytes() for name in ("agent.json", "policy.safetensors")}
+    older = json.loads(whole["agent.json"]) | {"steps": 240, "weights": {"policy.safetensors": "0"}}
+    (tmp_path / "agent.json").write_text(json.dumps(older))
+    run(tmp_path, "sac", 480)
+    assert {name: (tmp_path / name).read_bytes() for name in whole} == whole
 
 
 @pytest.mark.parametrize(("algorithm", "half"), [("sac", 960), ("ppo", 1024)])

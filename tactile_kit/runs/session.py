@@ -1,0 +1,120 @@
+"""A run in progress: everything that a checkpoint holds, saved and taken up again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from tactile_kit.agents.state import pack, unpack
+from tactile_kit.runs import checkpoint as checkpoints
+from tactile_kit.runs.config import RunConfig
+from tactile_kit.runs.directory import versions
+from tactile_kit.runs.errors import CheckpointError
+from tactile_kit.runs.export import export_agent
+from tactile_kit.runs.metrics import Tracker
+
+
+@dataclass
+class Run:
+    """A run in progress: what is saved, beside learner and environment."""
+
+    config: RunConfig
+    directory: Path
+    learner: Any
+    env: Any
+    tracker: Tracker = field(default_factory=Tracker)
+    hours: float = 0.0  # trained so far
+    warm_start: dict[str, Any] | None = None
+    evaluation: dict[str, Any] | None = None  # the last held-out one
+    line: dict[str, Any] = field(default_factory=dict)  # the last line of metrics
+    logged: int = 0  # environment steps at that line
+    gravity: float | None = None  # last told to the environment
+
+    def save(self) -> None:
+        """A checkpoint of everything, then the exported agent. Raises OSError."""
+        tensors, values = self.learner.state()
+        body: dict[str, Any] = {
+            "learner": values,
+            "tracker": self.tracker.state(),
+            "config": self.config.to_dict(),
+            "versions": dict(versions()),
+            "hours": self.hours,
+            "warm_start": self.warm_start,
+            "evaluation": self.evaluation,
+            "line": self.line,
+            "logged": self.logged,
+            "torch_rng": torch.get_rng_state().tolist(),
+        }
+        tensors = {f"learner/{name}": tensor for name, tensor in tensors.items()}
+        if hasattr(self.env, "get_state"):
+            arrays, body["env"] = _split(self.env.get_state())
+            tensors |= pack("env", {name: torch.from_numpy(array) for name, array in arrays.items()})
+        settings = self.config.checkpoint
+        memory = getattr(self.learner, "replay_buffer", None)
+        replay = memory.arrays() if memory is not None and settings.replay else None
+        folder = self.directory / "checkpoints"
+        checkpoints.save(folder, self.learner.num_timesteps, tensors, body, replay, settings.keep)
+        self.export()
+
+    def export(self) -> None:
+        """The agent as it is now."""
+        export_agent(
+            self.directory,
+            self.config,
+            self.learner,
+            hours=self.hours,
+            training=self.line,
+            evaluation=self.evaluation,
+            warm_start=self.warm_start,
+        )
+
+    def restore(self, saved: checkpoints.Checkpoint) -> None:
+        """Take up the state of a checkpoint. Raises CheckpointError when it does not fit."""
+        values = saved.values
+        try:
+            self.learner.restore(unpack("learner", saved.tensors), values["learner"])
+            self.tracker.restore(values["tracker"])
+            memory = getattr(self.learner, "replay_buffer", None)
+            if memory is not None:
+                arrays = saved.replay_arrays()
+                if arrays is not None:
+                    memory.restore(arrays)
+            if "env" in values and hasattr(self.env, "set_state"):
+                arrays = {name: tensor.numpy() for name, tensor in unpack("env", saved.tensors).items()}
+                self.env.set_state({**arrays, **values["env"]})
+        except (KeyError, ValueError, RuntimeError) as problem:
+            raise CheckpointError(f"{saved.path}: does not fit this run: {problem}") from problem
+        torch.set_rng_state(torch.tensor(values["torch_rng"], dtype=torch.uint8))
+        self.hours, self.warm_start, self.evaluation = values["hours"], values["warm_start"], values["evaluation"]
+        self.line, self.logged = values["line"], values["logged"]
+
+    def apply_gravity(self) -> None:
+        """Gravity of the curriculum at the present step, for the episodes to come."""
+        wanted = self.config.gravity.at(self.learner.num_timesteps)
+        if wanted != self.gravity:
+            self.gravity = wanted
+            self.env.set_gravity(wanted)
+
+    def begin_episodes(self) -> None:
+        """Start all environments afresh.
+
+        A physics engine's inner state cannot be saved, so every checkpoint is a boundary between episodes, for the run
+        that goes on as for one that resumes: both continue with the same episodes.
+        """
+        self.apply_gravity()
+        learner = self.learner
+        learner._last_obs = self.env.reset()
+        learner._last_episode_starts = np.ones(self.env.num_envs, dtype=bool)
+        memory = getattr(learner, "replay_buffer", None)
+        if memory is not None:
+            memory.end_episodes()
+
+
+def _split(state: dict[str, Any]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """Arrays for safetensors, the rest for JSON."""
+    arrays = {name: value for name, value in state.items() if isinstance(value, np.ndarray)}
+    return arrays, {name: value for name, value in state.items() if name not in arrays}
