@@ -7,6 +7,7 @@ import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 from reproduce.errors import ReproduceError
 from reproduce.files import read_yaml, write_atomic
@@ -39,42 +40,94 @@ class Cell:
         if self.status not in (MEASURED, MISSING, UNDEFINED):
             raise ReproduceError(f"cell status {self.status!r}; allowed are measured, missing, undefined")
         if (self.ours is None) != (self.status != MEASURED):
-            raise ReproduceError(f"cell {self.row}/{self.column}: status {self.status} with ours = {self.ours}")
+            raise ReproduceError(
+                f"cell {self.row}/{self.column}: status {self.status} with ours = {self.ours}"
+            )
 
 
 COLUMNS = tuple(field.name for field in fields(Cell))
 
 
 def estimate_cell(
-    row: str, column: str, quantity: str, paper: float | None, estimate: Estimate, *,
-    unit: str = "episodes", note: str = "", runs: Sequence[str] = (), steps: Sequence[int] = (),
+    row: str,
+    column: str,
+    quantity: str,
+    paper: float | None,
+    estimate: Estimate,
+    *,
+    unit: str = "episodes",
+    note: str = "",
+    runs: Sequence[str] = (),
+    steps: Sequence[int] = (),
 ) -> Cell:
     """A measured cell."""
     return Cell(
-        row, column, quantity, paper, estimate.value, estimate.low, estimate.high, estimate.n, unit,
-        estimate.successes, MEASURED, note, " ".join(runs), " ".join(map(str, steps)),
+        row,
+        column,
+        quantity,
+        paper,
+        estimate.value,
+        estimate.low,
+        estimate.high,
+        estimate.n,
+        unit,
+        estimate.successes,
+        MEASURED,
+        note,
+        " ".join(runs),
+        " ".join(map(str, steps)),
     )
 
 
 def empty_cell(
-    row: str, column: str, quantity: str, paper: float | None, note: str, *, status: str = MISSING,
-    unit: str = "episodes", runs: Sequence[str] = (), steps: Sequence[int] = (), n: int = 0,
+    row: str,
+    column: str,
+    quantity: str,
+    paper: float | None,
+    note: str,
+    *,
+    status: str = MISSING,
+    unit: str = "episodes",
+    runs: Sequence[str] = (),
+    steps: Sequence[int] = (),
+    n: int = 0,
 ) -> Cell:
     """A cell without a number; ``note`` says why."""
     return Cell(
-        row, column, quantity, paper, None, None, None, n, unit, None, status, note, " ".join(runs),
+        row,
+        column,
+        quantity,
+        paper,
+        None,
+        None,
+        None,
+        n,
+        unit,
+        None,
+        status,
+        note,
+        " ".join(runs),
         " ".join(map(str, steps)),
     )
 
 
 def rate_cell(
-    row: str, column: str, paper: float | None, rows: Sequence[EpisodeRow] | None, *,
-    runs: Sequence[str] = (), steps: Sequence[int] = (), missing: str = "run not there", note: str = "",
+    row: str,
+    column: str,
+    paper: float | None,
+    rows: Sequence[EpisodeRow] | None,
+    *,
+    runs: Sequence[str] = (),
+    steps: Sequence[int] = (),
+    missing: str = "run not there",
+    note: str = "",
 ) -> Cell:
     """The success rate of ``rows``; a missing cell where there are none."""
     if not rows:
         return empty_cell(row, column, "success rate", paper, missing)
-    return estimate_cell(row, column, "success rate", paper, success_rate(rows), runs=runs, steps=steps, note=note)
+    return estimate_cell(
+        row, column, "success rate", paper, success_rate(rows), runs=runs, steps=steps, note=note
+    )
 
 
 def _text(value: object) -> str:
@@ -103,14 +156,16 @@ def read_cells(path: Path) -> list[Cell]:
     cells = []
     for number, line in enumerate(lines, start=2):
         try:
-            values: dict[str, object] = {name: line[name] for name in COLUMNS}
+            values: dict[str, Any] = {name: line[name] for name in COLUMNS}
             for name in ("paper", "ours", "low", "high"):
                 values[name] = float(line[name]) if line[name] else None
             values["n"] = int(line["n"])
             values["successes"] = int(line["successes"]) if line["successes"] else None
             cells.append(Cell(**values))
         except (KeyError, ValueError, TypeError) as error:
-            raise ReproduceError(f"{path}, line {number}: {error}; allowed are the columns {','.join(COLUMNS)}") from None
+            raise ReproduceError(
+                f"{path}, line {number}: {error}; allowed are the columns {','.join(COLUMNS)}"
+            ) from None
     return cells
 
 

@@ -148,7 +148,15 @@ def evaluate(
 def main(args: list[str] | None = None) -> int:
     """Entry point; returns the exit status. Errors of the project end with one line, not with a traceback."""
     try:
-        return app.cli(args=args, prog="reproduce", description=__doc__.splitlines()[0], config=(tyro.conf.FlagCreatePairsOff,)) or 0
+        return (
+            app.cli(
+                args=args,
+                prog="reproduce",
+                description=__doc__.splitlines()[0],
+                config=(tyro.conf.FlagCreatePairsOff,),
+            )
+            or 0
+        )
     except ValueError as error:
         print(f"reproduce: {error}", file=sys.stderr)
         return 2

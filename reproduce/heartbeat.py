@@ -36,7 +36,9 @@ class Heartbeat:
         self._write(state, 1, 1, message)
 
     def _write(self, state: str, done: int, total: int, message: str = "") -> None:
-        write_atomic(self.path, json.dumps({"state": state, "done": done, "total": max(total, 1), "message": message}))
+        write_atomic(
+            self.path, json.dumps({"state": state, "done": done, "total": max(total, 1), "message": message})
+        )
 
 
 def file_of(pipeline: Path, job: str) -> Path:
@@ -53,7 +55,7 @@ def read(pipeline: Path, job: str) -> dict | None:
 
 def duration(seconds: float) -> str:
     """95 -> '1:35', 4000 -> '1 h 07'."""
-    seconds = int(round(seconds))
+    seconds = round(seconds)
     if seconds < 3600:
         return f"{seconds // 60}:{seconds % 60:02d}"
     return f"{seconds // 3600} h {seconds % 3600 // 60:02d}"

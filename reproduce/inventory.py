@@ -1,7 +1,7 @@
 """Which files an artefact reads (written by ``prepare``), and the reader the artefact uses.
 
-An artefact sees episode files, metrics and agent manifests through ``Results`` only. What isn't there is None, so that it
-is drawn as missing and never as a number.
+An artefact sees episode files, metrics and agent manifests through ``Results`` only. What isn't there is None, so
+that it is drawn as missing and never as a number.
 """
 
 from __future__ import annotations
@@ -30,7 +30,9 @@ ABLATED = {  # Table II's rows
 }
 _SETS = ("cube", "cuboids", "geometric8")
 _LINES = ("vec_bps", "bps", "pointnet", "pos_rot", "pos", "none")
-CURVES = {objects: (*_LINES, "mesh") if objects == "geometric8" else _LINES for objects in _SETS}  # Fig. 5's lines
+CURVES = {
+    objects: (*_LINES, "mesh") if objects == "geometric8" else _LINES for objects in _SETS
+}  # Fig. 5's lines
 _CURVE_ROLES = tuple(f"oracle-{line}-{objects}" for objects in _SETS for line in CURVES[objects])
 
 _NOMINAL = {
@@ -75,7 +77,9 @@ def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
             run.name: {
                 "role": run.role,
                 "agent": str(run.directory / "agent.json") if plan.available(run) else None,
-                "metrics": str(run.directory / "metrics.jsonl") if run.role in curves and run.curves and plan.has_curve(run) else None,
+                "metrics": str(run.directory / "metrics.jsonl")
+                if run.role in curves and run.curves and plan.has_curve(run)
+                else None,
             }
             for run in plan.runs
             if run.role in roles and (run.curves or run.role in {role for role, _ in pairs})
@@ -123,7 +127,9 @@ class Results:
 
     def evaluated(self, role: str, evaluation: str) -> list[str]:
         """The runs of a role behind ``rows``."""
-        return [n for n in self.run_names(role) if self.content["episodes"].get(f"{n}/{evaluation}") is not None]
+        return [
+            n for n in self.run_names(role) if self.content["episodes"].get(f"{n}/{evaluation}") is not None
+        ]
 
     @cached_property
     def _episode_files(self) -> dict[str, list[EpisodeRow]]:
@@ -160,7 +166,8 @@ def read_curve(run: str, path: Path) -> Curve:
 
     Raises ``ReproduceError`` naming file, line and value.
     """
-    steps, success = [], []
+    steps: list[int] = []
+    success: list[float] = []
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except FileNotFoundError:
@@ -174,7 +181,9 @@ def read_curve(run: str, path: Path) -> Curve:
             continue
         step, rate = entry.get("step"), entry["success"]
         if not isinstance(step, int) or step < 0 or (steps and step < steps[-1]):
-            raise ReproduceError(f"{path}, line {number}: step = {step!r}; allowed are integers that never fall")
+            raise ReproduceError(
+                f"{path}, line {number}: step = {step!r}; allowed are integers that never fall"
+            )
         if not isinstance(rate, (int, float)) or not 0 <= rate <= 1:
             raise ReproduceError(f"{path}, line {number}: success = {rate!r}; allowed are numbers in [0, 1]")
         steps.append(step)

@@ -60,8 +60,8 @@ def hold(folder: Path, patience: float = 20.0) -> Iterator[int]:
                 alive = not here or start_time(owner.get("process", -1)) == owner.get("started")
                 if alive or time.monotonic() > deadline:
                     raise BusyError(
-                        f"{shown(folder)}: held by process {owner.get('process')} on {owner.get('host')}; wait for it to"
-                        " end, or choose another --out"
+                        f"{shown(folder)}: held by process {owner.get('process')} on {owner.get('host')}; wait for"
+                        " it to end, or choose another --out"
                     ) from None
                 time.sleep(0.2)
         file.seek(0)
@@ -78,7 +78,7 @@ def owner_environment() -> dict[str, str]:
 
 
 def end_with_owner() -> None:
-    """Interrupts this process once the run that started it is gone. Does nothing for stages called by hand or elsewhere."""
+    """Interrupts this process once the run that started it is gone. Stages called by hand are left alone."""
     process, _, rest = os.environ.get(OWNER, "").partition(":")
     started, _, host = rest.partition(":")
     if not process or host != socket.gethostname():

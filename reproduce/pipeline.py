@@ -42,14 +42,18 @@ def run(plan: Plan, jobs: int, profile: str | None = None, quiet: bool = False) 
         if not wanted:
             print(f"nothing to do: everything in {shown(plan.out)} is up to date", flush=True)
             return 0
-        print(f"{len(wanted)} jobs to do, {jobs} at a time; logs in {shown(plan.pipeline / 'logs')}", flush=True)
+        print(
+            f"{len(wanted)} jobs to do, {jobs} at a time; logs in {shown(plan.pipeline / 'logs')}", flush=True
+        )
         log = plan.pipeline / "snakemake.log"
         with log.open("w", encoding="utf-8") as output, Progress(plan.pipeline, wanted) as progress:
             status = _execute(command, plan, lock, output, progress, local=profile is None)
     if status != 0:
         _tell_failure(plan, wanted, log)
         return status
-    print(f"done in {duration(time.monotonic() - began)}; open {shown(plan.outputs('report')[0])}", flush=True)
+    print(
+        f"done in {duration(time.monotonic() - began)}; open {shown(plan.outputs('report')[0])}", flush=True
+    )
     return 0
 
 
@@ -70,7 +74,9 @@ def _command(plan: Plan, config: Path, jobs: int, profile: str | None) -> list[s
 
 
 def _environment(local: bool) -> dict[str, str]:
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))}
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    }
     # One thread a process: jobs run side by side, and results must not depend on the number of cores.
     environment |= {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1", "NO_COLOR": "1"}
     return environment | (owner.owner_environment() if local else {})
@@ -78,7 +84,9 @@ def _environment(local: bool) -> dict[str, str]:
 
 def _wanted(command: list[str], plan: Plan, config: Path) -> dict[str, float]:
     """The jobs Snakemake would run, with a rough cost each. Our own commands are what it prints."""
-    dry = subprocess.run([*command, "--dry-run"], capture_output=True, text=True, env=_environment(False), check=False)
+    dry = subprocess.run(
+        [*command, "--dry-run"], capture_output=True, text=True, env=_environment(False), check=False
+    )
     if dry.returncode != 0:
         raise ReproduceError(f"the workflow can't be planned: {(dry.stderr or dry.stdout).strip()[-2000:]}")
     content = json.loads(config.read_text(encoding="utf-8"))
@@ -109,7 +117,7 @@ def _execute(command: list[str], plan: Plan, lock: int, output, progress: Progre
 
 
 def _die_with_parent() -> None:
-    """Linux: the child is killed when this process is, however that happens. Elsewhere the stages still end by themselves."""
+    """Linux: the child is killed when this process is, however that happens. Elsewhere stages end by themselves."""
     with contextlib.suppress(OSError, AttributeError):
         import ctypes
 
@@ -149,4 +157,8 @@ def _tell_failure(plan: Plan, jobs: dict[str, float], log: Path) -> None:
     if not failed:
         tail = log.read_text(encoding="utf-8", errors="replace").splitlines()[-20:]
         print(f"\nthe workflow failed; the end of {shown(log)}:", *tail, sep="\n  ", file=sys.stderr)
-    print("\nmend the cause and run the same command again: what is finished is kept", file=sys.stderr, flush=True)
+    print(
+        "\nmend the cause and run the same command again: what is finished is kept",
+        file=sys.stderr,
+        flush=True,
+    )

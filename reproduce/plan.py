@@ -119,23 +119,35 @@ def make_plan(scale: Scale, source: str, out: Path, agents: Path | None = None) 
     out = Path(out).resolve()
     if agents is None:
         agents = out / "agents" if source == "scratch" else ROOT / "results" / "agents"
-    runs = [run for number, group in enumerate(scale.runs) for run in _expand(group, number, Path(agents).resolve())]
+    runs = [
+        run
+        for number, group in enumerate(scale.runs)
+        for run in _expand(group, number, Path(agents).resolve())
+    ]
     names = [run.name for run in runs]
     for name in names:
         if names.count(name) > 1:
             raise ScaleError(f"scale {scale.name}: run {name} is named by two groups; allowed is one")
     for run in runs:
         if run.warm_start is not None and run.warm_start not in names:
-            raise ScaleError(f"scale {scale.name}: warm_start {run.warm_start!r} of {run.name} unknown"
-                             + nearest(run.warm_start, names))
+            raise ScaleError(
+                f"scale {scale.name}: warm_start {run.warm_start!r} of {run.name} unknown"
+                + nearest(run.warm_start, names)
+            )
     evaluations = []
     for group in scale.evaluations:
         for role in group.runs:
-            found = [run for run in runs if run.role == role and (group.seeds is None or run.seed in group.seeds)]
+            found = [
+                run for run in runs if run.role == role and (group.seeds is None or run.seed in group.seeds)
+            ]
             if not found:
-                raise ScaleError(f"scale {scale.name}: evaluation {group.name} names {role!r}"
-                                 + nearest(role, {run.role for run in runs}))
-            evaluations += [Evaluation(run, group, out / "episodes" / run.name / f"{group.name}.csv") for run in found]
+                raise ScaleError(
+                    f"scale {scale.name}: evaluation {group.name} names {role!r}"
+                    + nearest(role, {run.role for run in runs})
+                )
+            evaluations += [
+                Evaluation(run, group, out / "episodes" / run.name / f"{group.name}.csv") for run in found
+            ]
     return Plan(scale, source, out, tuple(runs), tuple(evaluations))
 
 
@@ -149,7 +161,19 @@ def _expand(group: RunGroup, number: int, agents: Path) -> list[Run]:
                 warm = _fill(group.warm_start, variant, objects, seed)
                 job = f"group{number}-{group.kind}" if group.together else name
                 runs.append(
-                    Run(name, role, group.kind, variant, objects, seed, group.preset, warm, job, agents / name, group.curves)
+                    Run(
+                        name,
+                        role,
+                        group.kind,
+                        variant,
+                        objects,
+                        seed,
+                        group.preset,
+                        warm,
+                        job,
+                        agents / name,
+                        group.curves,
+                    )
                 )
     return runs
 
@@ -160,4 +184,6 @@ def _fill(template: str | None, variant: str, objects: str, seed: int) -> str | 
     try:
         return template.format(encoding=split_variant(variant)[0], set=objects, seed=seed)
     except (KeyError, IndexError, ValueError):
-        raise ScaleError(f"warm_start {template!r}: allowed are the fields {{encoding}}, {{set}} and {{seed}}") from None
+        raise ScaleError(
+            f"warm_start {template!r}: allowed are the fields {{encoding}}, {{set}} and {{seed}}"
+        ) from None

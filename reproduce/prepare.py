@@ -1,5 +1,5 @@
-"""A plan written down as small YAML files, one a job. Each file is an input of its job, so that a changed setting re-runs
-exactly its dependants.
+"""A plan written down as small YAML files, one a job. Each file is an input of its job, so that a changed setting
+re-runs exactly its dependants.
 """
 
 from __future__ import annotations
@@ -32,26 +32,35 @@ def prepare(plan: Plan) -> Path:
     train: dict[str, Any] = {}
     evaluate: dict[str, Any] = {}
     for job, runs in (plan.jobs() if plan.trains else {}).items():
-        settings = [{"run": run.name, "directory": str(run.directory), "config": run_settings(plan, run)} for run in runs]
-        write_if_changed(jobs / "train" / f"{job}.yaml", dump_yaml(settings))
-        banks = dict(grasp_item(entry["config"]) for entry in settings)
+        entries: list[dict[str, Any]] = [
+            {"run": run.name, "directory": str(run.directory), "config": run_settings(plan, run)}
+            for run in runs
+        ]
+        write_if_changed(jobs / "train" / f"{job}.yaml", dump_yaml(entries))
+        banks = dict(grasp_item(entry["config"]) for entry in entries)
         grasps |= banks
         after = {warm for run in runs if run.warm_start for warm in [plan.job_of(run.warm_start)]} - {job}
-        steps = sum(int(entry["config"].get("steps", 0)) for entry in settings)
+        steps = sum(int(entry["config"].get("steps", 0)) for entry in entries)
         train[job] = {
             "after": sorted(after),
             "grasps": sorted(banks),
-            "threads": max(int(entry["config"].get("num_workers", 1)) for entry in settings),
+            "threads": max(int(entry["config"].get("num_workers", 1)) for entry in entries),
             "priority": 50 + min(steps, 10**9) / 1e9 if not after else 40,  # what others wait for goes first
             "steps": steps,
         }
     for evaluation in evaluations:
         settings = evaluation_settings(plan, evaluation)
         write_if_changed(jobs / "evaluate" / f"{evaluation.name}.yaml", dump_yaml(settings))
-        trained = run_settings(plan, evaluation.run) if plan.trains else read_json(plan.manifest(evaluation.run))
+        trained = (
+            run_settings(plan, evaluation.run) if plan.trains else read_json(plan.manifest(evaluation.run))
+        )
         bank, task = evaluation_grasps(plan, evaluation, trained["task"])
         grasps[bank] = task
-        agent = plan.pipeline / "trained" / f"{evaluation.run.job}.json" if plan.trains else plan.manifest(evaluation.run)
+        agent = (
+            plan.pipeline / "trained" / f"{evaluation.run.job}.json"
+            if plan.trains
+            else plan.manifest(evaluation.run)
+        )
         evaluate[evaluation.name] = {
             "agent": str(agent.relative_to(plan.pipeline)) if plan.trains else str(agent),
             "grasps": [bank],
@@ -100,4 +109,5 @@ def describe(plan: Plan) -> str:
     there = sum(plan.available(run) for run in plan.runs)
     agents = f"{len(plan.runs)} runs to train" if plan.trains else f"{there} of {len(plan.runs)} agents there"
     episodes = sum(weight(e) for e in plan.evaluations if plan.available(e.run))
-    return f"scale {plan.scale.name} from {plan.source}: {agents}, {episodes} evaluation episodes, into {shown(plan.out)}"
+    where = f"scale {plan.scale.name} from {plan.source}"
+    return f"{where}: {agents}, {episodes} evaluation episodes, into {shown(plan.out)}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 from reproduce import heartbeat
 from reproduce.heartbeat import duration
@@ -23,7 +24,7 @@ class Progress:
         self.pipeline, self.jobs = pipeline, jobs
         self._started = self._last = time.monotonic()
         self._ended: set[str] = set()
-        self._bar = None
+        self._bar: Any = None  # rich's, in a terminal
         for job in jobs:  # what an earlier run left behind must not count
             heartbeat.file_of(pipeline, job).unlink(missing_ok=True)
 
@@ -32,8 +33,13 @@ class Progress:
             from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
             from rich.progress import Progress as Bar
 
-            columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
-                       TimeElapsedColumn(), TextColumn("{task.fields[left]} left"))
+            columns = (
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TextColumn("{task.percentage:>3.0f} %"),
+                TimeElapsedColumn(),
+                TextColumn("{task.fields[left]} left"),
+            )
             self._bar = Bar(*columns, refresh_per_second=4)
             self._bar.start()
             self._task = self._bar.add_task("starting", total=1.0, left="?")
@@ -68,7 +74,9 @@ class Progress:
             self._bar.update(self._task, completed=share, left=left, description=text)
         elif not final and time.monotonic() - self._last > PLAIN_EVERY:
             self._last = time.monotonic()
-            self._say(f"{100 * share:.0f} %, {duration(elapsed)} gone, {left} left; running: {now or 'nothing yet'}")
+            self._say(
+                f"{100 * share:.0f} %, {duration(elapsed)} gone, {left} left; running: {now or 'nothing yet'}"
+            )
 
     def _say(self, text: str) -> None:
         if self._bar is not None:

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveInt, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeInt,
+    PositiveInt,
+    ValidationError,
+)
 
 from reproduce.errors import ScaleError, nearest
 from reproduce.files import read_yaml
@@ -20,6 +29,19 @@ SETS: dict[str, dict[str, str]] = {  # what an object set of a run name means (p
 ENCODINGS = ("vec_bps", "bps", "pointnet", "pos_rot", "mesh", "pos", "none")
 ABLATIONS = ("nosigma", "stopgrad")  # Table II: no sigma input to the policy; no gradient through the BPS
 VARIANTS = (*ENCODINGS, *(f"vec_bps_{ablation}" for ablation in ABLATIONS))
+
+
+def _one_of(names: Iterable[str]) -> AfterValidator:
+    def check(name: str) -> str:
+        if name not in names:
+            raise ValueError(f"unknown{nearest(name, names)}")
+        return name
+
+    return AfterValidator(check)
+
+
+Variant = Annotated[str, _one_of(VARIANTS)]
+SetName = Annotated[str, _one_of(SETS)]
 
 
 def split_variant(variant: str) -> tuple[str, str]:
@@ -38,11 +60,13 @@ class RunGroup(Part):
     """A grid of runs that share a preset. A run's name is ``<kind>-<variant>-<set>-s<seed>``."""
 
     kind: Literal["oracle", "tactile"]
-    variants: tuple[Literal[VARIANTS], ...] = Field(min_length=1)
-    sets: tuple[Literal[tuple(SETS)], ...] = Field(min_length=1)
+    variants: tuple[Variant, ...] = Field(min_length=1)
+    sets: tuple[SetName, ...] = Field(min_length=1)
     seeds: tuple[NonNegativeInt, ...] = Field((0,), min_length=1)
     preset: str = Field(description="Key in `presets`.")
-    warm_start: str | None = Field(None, description="Run to start from; {encoding}, {set} and {seed} are filled in.")
+    warm_start: str | None = Field(
+        None, description="Run to start from; {encoding}, {set} and {seed} are filled in."
+    )
     curves: bool = Field(True, description="Whether its oracle runs belong to the learning curves of Fig. 5.")
     together: bool = Field(False, description="Train all runs of the group one after another in one process.")
 
@@ -52,13 +76,19 @@ class EvaluationGroup(Part):
 
     name: Literal["nominal", "complex", "extent-true", "extent-fixed", "confusion"]
     runs: tuple[str, ...] = Field(min_length=1, description="Run names without the seed.")
-    seeds: tuple[NonNegativeInt, ...] | None = Field(None, description="Which of their seeds; all by default.")
+    seeds: tuple[NonNegativeInt, ...] | None = Field(
+        None, description="Which of their seeds; all by default."
+    )
     objects: str
     scaling: Literal["nominal", "random"] = "nominal"
-    sizes: PositiveInt = Field(1, description="Prepared sizes an object; the paper's environments where random.")
+    sizes: PositiveInt = Field(
+        1, description="Prepared sizes an object; the paper's environments where random."
+    )
     given: Literal["true", "nominal", "each"] = Field("true", description="The mesh the agent is told of.")
     episodes_per_goal: PositiveInt = 1
-    goals_per_case: int = Field(24, ge=1, le=24, description="Goals of the 24 drawn for each object, size and mesh.")
+    goals_per_case: int = Field(
+        24, ge=1, le=24, description="Goals of the 24 drawn for each object, size and mesh."
+    )
 
 
 class Scale(Part):
@@ -91,14 +121,18 @@ def load_scale(name_or_path: str) -> Scale:
 def parse_scale(content: Any, source: str) -> Scale:
     """A scale from parsed YAML; ``source`` is the file named in errors."""
     if not isinstance(content, dict):
-        raise ScaleError(f"{source}: {type(content).__name__}; allowed is a mapping with {', '.join(Scale.model_fields)}")
+        raise ScaleError(
+            f"{source}: {type(content).__name__}; allowed is a mapping with {', '.join(Scale.model_fields)}"
+        )
     try:
         scale = Scale.model_validate(content)
     except ValidationError as error:
         raise ScaleError(f"{source}: {_explain(error)}") from None
     for group in scale.runs:
         if group.preset not in scale.presets:
-            raise ScaleError(f"{source}: runs: preset {group.preset!r} unknown{nearest(group.preset, scale.presets)}")
+            raise ScaleError(
+                f"{source}: runs: preset {group.preset!r} unknown{nearest(group.preset, scale.presets)}"
+            )
     return scale
 
 
@@ -108,7 +142,8 @@ def _explain(error: ValidationError) -> str:
         place = ".".join(map(str, problem["loc"]))
         if problem["type"] == "extra_forbidden":
             key = str(problem["loc"][-1])
-            model = {"runs": RunGroup, "evaluations": EvaluationGroup}.get(str(problem["loc"][0]), Scale)
+            parts: dict[str, type[Part]] = {"runs": RunGroup, "evaluations": EvaluationGroup}
+            model = parts.get(str(problem["loc"][0]), Scale)
             lines.append(f"{place}: unknown key{nearest(key, model.model_fields)}")
         else:
             lines.append(f"{place} = {problem.get('input')!r}: {problem['msg']}")

@@ -65,14 +65,18 @@ def evaluation_settings(plan: Plan, evaluation: Evaluation) -> dict[str, Any]:
     }
 
 
-def evaluation_grasps(plan: Plan, evaluation: Evaluation, trained: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+def evaluation_grasps(
+    plan: Plan, evaluation: Evaluation, trained: dict[str, Any]
+) -> tuple[str, dict[str, Any]]:
     """As ``grasp_item``, for an evaluation of an agent trained under the task settings ``trained``."""
     from tactile_kit.evaluation.evaluate import evaluation_task
     from tactile_kit.task.config import TaskConfig
 
     group = evaluation.group
     try:
-        task = evaluation_task(TaskConfig(**trained), group.objects, plan.scale.seed, group.scaling, group.sizes)
+        task = evaluation_task(
+            TaskConfig(**trained), group.objects, plan.scale.seed, group.scaling, group.sizes
+        )
     except ValueError as error:
         raise ScaleError(f"{evaluation.name}: {error}") from None
     return grasp_item({"task": task.model_dump(mode="json")})

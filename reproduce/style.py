@@ -43,15 +43,22 @@ _SETTINGS = {
 
 def figure(width: float, height: float, columns: int = 1, **options: object) -> tuple[Figure, Sequence[Axes]]:
     """A figure of that size (inch) with a row of axes."""
+    import matplotlib.pyplot as plt
+
+    reset()
+    plt.rcParams.update(_SETTINGS)
+    made, axes = plt.subplots(
+        1, columns, figsize=(width, height), squeeze=False, layout="constrained", **options
+    )
+    return made, list(axes[0])
+
+
+def reset() -> None:
+    """matplotlib as it comes, without a display, whatever was drawn before or stands in a user's matplotlibrc."""
     import matplotlib
 
     matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    plt.rcParams.update(matplotlib.rcParamsDefault | {"backend": "Agg"})
-    plt.rcParams.update(_SETTINGS)
-    made, axes = plt.subplots(1, columns, figsize=(width, height), squeeze=False, layout="constrained", **options)
-    return made, list(axes[0])
+    matplotlib.rcParams.update(matplotlib.rcParamsDefault | {"backend": "Agg"})
 
 
 def save(made: Figure, outputs: Sequence[Path]) -> None:
@@ -75,7 +82,9 @@ def footnote(made: Figure, text: str) -> None:
 
 def say_missing(axes: Axes, text: str) -> None:
     """Marks empty axes as missing, in words."""
-    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY, fontsize=10, wrap=True)
+    axes.text(
+        0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY, fontsize=10, wrap=True
+    )
 
 
 def missing_bar(axes: Axes, x: float, width: float, text: str = "missing") -> None:

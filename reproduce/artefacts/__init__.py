@@ -1,4 +1,4 @@
-"""Tables, figures, claims, report: one file each. ``make(results, outputs)`` reads episode rows and writes the files."""
+"""Tables, figures, claims, report: one file each. ``make(results, outputs)`` reads rows and writes the files."""
 
 from __future__ import annotations
 

@@ -22,6 +22,15 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     for judged in judge_all(results):
         verdict = judged.verdict
         writer.writerow(
-            [judged.number, judged.claim, verdict.verdict, verdict.figures, judged.paper, verdict.n, verdict.unit, results.scale]
+            [
+                judged.number,
+                judged.claim,
+                verdict.verdict,
+                verdict.figures,
+                judged.paper,
+                verdict.n,
+                verdict.unit,
+                results.scale,
+            ]
         )
     write_atomic(outputs[0], buffer.getvalue())

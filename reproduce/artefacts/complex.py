@@ -20,11 +20,14 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     cells: list[Cell] = []
     made, (axes,) = figure(5.6, 3.9)
     for role, label, colour, shift in (
-        (TACTILE, "Tactile VecBPS", ORANGE, -0.2), (ORACLE, "Oracle VecBPS", BLUE, 0.2)
+        (TACTILE, "Tactile VecBPS", ORANGE, -0.2),
+        (ORACLE, "Oracle VecBPS", BLUE, 0.2),
     ):
         rows, runs = results.rows(role, "complex"), results.evaluated(role, "complex")
         steps = results.steps_trained(runs)
-        axes.bar([0], [0], color=colour, label=f"{label}, {steps_text(steps)}" if rows else f"{label}: missing")
+        axes.bar(
+            [0], [0], color=colour, label=f"{label}, {steps_text(steps)}" if rows else f"{label}: missing"
+        )
         for place, item in enumerate(objects):
             mine = [row for row in rows or () if row.object_id == item.id]
             cell = rate_cell(object_label(item), label, None, mine, runs=runs, steps=steps)
@@ -39,8 +42,8 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     n = f"{count[0]}" if len(count) == 1 else f"{count[0]} to {count[-1]}" if count else "no"
     footnote(
         made,
-        f"Scale {results.scale}. {n} episodes a bar (the paper: 6144), 95 % Wilson\nintervals. Objects 13-15 are stand-ins:"
-        " the paper's meshes are not public.",
+        f"Scale {results.scale}. {n} episodes a bar (the paper: 6144), 95 % Wilson\nintervals."
+        " Objects 13-15 are stand-ins: the paper's meshes are not public.",
     )
     save(made, outputs)
     write_cells(outputs[2], cells)

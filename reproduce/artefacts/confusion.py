@@ -22,13 +22,17 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     rows, runs = results.rows(TACTILE, "confusion"), results.evaluated(TACTILE, "confusion")
     steps = results.steps_trained(runs)
     cells = matrix_cells(results, objects)
-    rates = np.array([np.nan if cell.ours is None else 100 * cell.ours for cell in cells]).reshape(len(objects), -1)
+    rates = np.array([np.nan if cell.ours is None else 100 * cell.ours for cell in cells]).reshape(
+        len(objects), -1
+    )
     made, (axes,) = figure(7.2, 6.6)
     colours = matplotlib.colormaps["viridis"].with_extremes(bad="#f1f2f4")
     # The colours span 0 to 100 % whatever the rates: a weak agent must look weak.
     image = axes.imshow(np.ma.masked_invalid(rates), cmap=colours, vmin=0, vmax=100)
     for (i, j), rate in np.ndenumerate(rates):
-        text, colour = ("–", "#8a8f98") if np.isnan(rate) else (f"{rate:.0f}", "white" if rate < 65 else "black")
+        text, colour = (
+            ("–", "#8a8f98") if np.isnan(rate) else (f"{rate:.0f}", "white" if rate < 65 else "black")
+        )
         weight = "bold" if i == j else "normal"
         axes.text(j, i, text, ha="center", va="center", fontsize=7.5, color=colour, fontweight=weight)
     axes.grid(False)
@@ -42,11 +46,21 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     bar.set_label("success rate (%)")
     bar.outline.set_visible(False)
     counts = sorted({cell.n for cell in cells if cell.n})
-    n = "missing: the tactile agent was not evaluated" if rows is None else (
-        f"{counts[0]} episodes a cell" if len(counts) == 1 else f"{counts[0]} to {counts[-1]} episodes a cell"
+    n = (
+        "missing: the tactile agent was not evaluated"
+        if rows is None
+        else (
+            f"{counts[0]} episodes a cell"
+            if len(counts) == 1
+            else f"{counts[0]} to {counts[-1]} episodes a cell"
+        )
     )
     trained = f"; tactile VecBPS, {steps_text(steps)}" if steps else ""
-    axes.set_title(f"Success in %, scale {results.scale}{trained}\n{n} (the paper: 6144)", fontsize=8.5, fontweight="normal")
+    axes.set_title(
+        f"Success in %, scale {results.scale}{trained}\n{n} (the paper: 6144)",
+        fontsize=8.5,
+        fontweight="normal",
+    )
     save(made, outputs)
     write_cells(outputs[2], cells)
 
@@ -59,8 +73,13 @@ def matrix_cells(results: Results, objects: Sequence) -> list[Cell]:
     why = "run not there" if rows is None else "pair not evaluated"
     return [
         rate_cell(
-            f"given {object_label(given)}", f"manipulated {object_label(held)}", None, by_pair.get((given.id, held.id)),
-            runs=runs, steps=steps, missing=why,
+            f"given {object_label(given)}",
+            f"manipulated {object_label(held)}",
+            None,
+            by_pair.get((given.id, held.id)),
+            runs=runs,
+            steps=steps,
+            missing=why,
         )
         for given in objects
         for held in objects

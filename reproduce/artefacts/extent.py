@@ -1,7 +1,8 @@
-"""Fig. 9 of the paper: success against the extent furthest from the median, told the right mesh or a fixed median mesh."""
+"""Fig. 9 of the paper: success against the extent furthest from the median, told the right or a median mesh."""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -39,7 +40,13 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
         fit = polynomial(extents, rates, values["degree"])
         name = f"{label}, {len(rates)} samples"
         if fit is None:
-            axes.plot([], [], color=colour, marker=marker, label=f"{name} (too few for a fit of degree {values['degree']})")
+            axes.plot(
+                [],
+                [],
+                color=colour,
+                marker=marker,
+                label=f"{name} (too few for a fit of degree {values['degree']})",
+            )
             continue
         x = np.linspace(extents.min(), extents.max(), 200)
         axes.plot(100 * x, np.clip(fit(x), 0, 1), color=colour, linewidth=1.8, label=name)
@@ -56,8 +63,8 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     trained = steps_text(results.steps_trained(results.run_names(TACTILE)))
     footnote(
         made,
-        f"Scale {results.scale}; tactile VecBPS, {trained}. A sample: one object size, {span} episodes\n(the paper: 120; 512"
-        " samples a line). Lines: polynomials of degree 4.",
+        f"Scale {results.scale}; tactile VecBPS, {trained}. A sample: one object size, {span} episodes\n"
+        "(the paper: 120; 512 samples a line). Lines: polynomials of degree 4.",
     )
     save(made, outputs)
     write_cells(outputs[2], cells)
@@ -81,15 +88,21 @@ def polynomial(extents: np.ndarray, rates: np.ndarray, degree: int) -> np.polyno
 
 
 def bin_cells(
-    rows: Sequence[EpisodeRow] | None, label: str, span: Sequence[float], runs: Sequence[str], steps: Sequence[int]
+    rows: Sequence[EpisodeRow] | None,
+    label: str,
+    span: Sequence[float],
+    runs: Sequence[str],
+    steps: Sequence[int],
 ) -> list[Cell]:
     """Success rates by equal bins of the furthest extent."""
     edges = np.linspace(span[0], span[1], BINS + 1)
     cells = []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in itertools.pairwise(edges):
         last = high == edges[-1]
         inside = [
-            row for row in rows or () if low <= row.furthest_extent < high or (last and row.furthest_extent >= high)
+            row
+            for row in rows or ()
+            if low <= row.furthest_extent < high or (last and row.furthest_extent >= high)
         ]
         name = f"{100 * low:.2f} to {100 * high:.2f} cm"
         why = "run not there" if rows is None else "no object size in this range"

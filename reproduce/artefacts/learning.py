@@ -50,11 +50,14 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
         else:
             title = "missing: " + ", ".join(missing) if missing else None
             place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.17), "ncols": 4}
-            axes.legend(fontsize=7, title=title, title_fontsize=7, columnspacing=1.0, handlelength=1.2, **place)
+            axes.legend(
+                fontsize=7, title=title, title_fontsize=7, columnspacing=1.0, handlelength=1.2, **place
+            )
     panels[0].set_ylabel("success rate in training, smoothed")
     footnote(
         made,
-        f"Scale {results.scale}. Line: mean over seeds (their number in brackets); band: smallest to largest seed. The paper shows three seeds a line,"
+        f"Scale {results.scale}. Line: mean over seeds (their number in brackets); band: smallest to largest"
+        " seed. The paper shows three seeds a line,"
         " and its curves as a picture only.",
     )
     save(made, outputs)
@@ -91,9 +94,18 @@ def _end_cell(objects: str, label: str, curves: Sequence[Curve], results: Result
     note = "one seed: no interval"
     if len(values) > 1:
         generator = randomization.stream(results.seed, "bootstrap", "learning", objects, label)
-        low, high = (float(v) for v in stratified_bootstrap([values], lambda s: s[0].mean(), generator=generator))
+        low, high = (
+            float(v) for v in stratified_bootstrap([values], lambda s: s[0].mean(), generator=generator)
+        )
         note = f"smallest {values.min():.3f}, largest {values.max():.3f}"
     return estimate_cell(
-        objects, label, quantity, None, Estimate(float(values.mean()), low, high, len(values)), unit="seeds", note=note,
-        runs=[curve.run for curve in curves], steps=[curve.steps[-1] for curve in curves],
+        objects,
+        label,
+        quantity,
+        None,
+        Estimate(float(values.mean()), low, high, len(values)),
+        unit="seeds",
+        note=note,
+        runs=[curve.run for curve in curves],
+        steps=[curve.steps[-1] for curve in curves],
     )

@@ -8,13 +8,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from reproduce.cells import MEASURED, Cell, percent, read_cells
+from reproduce.cells import Cell, percent, read_cells
 from reproduce.files import read_yaml
 from reproduce.inventory import Results, steps_of
 from reproduce.style import short
 from tactile_kit.evaluation.rows import read_rows
 
-PAPER_AGENTS = {"oracle": "7 to 11 hours", "tactile": "about 60 hours"}  # paper, Sec. II-G: 4096 environments, one GPU
+PAPER_AGENTS = {
+    "oracle": "7 to 11 hours",
+    "tactile": "about 60 hours",
+}  # paper, Sec. II-G: 4096 environments, one GPU
 BARELY = 1_000_000  # environment steps: a few minutes of the paper's 4096 environments
 
 
@@ -40,7 +43,9 @@ def content(results: Results, out: Path) -> dict[str, Any]:
     agents = [_agent(results, name) for name in results.content["runs"]]
     there = [agent for agent in agents if agent["there"]]
     benchmark = [agent for agent in there if agent["evaluated"]]
-    tables = [{**text, "cells": read_cells(out / "tables" / f"{text['name']}.csv")} for text in texts["tables"]]
+    tables = [
+        {**text, "cells": read_cells(out / "tables" / f"{text['name']}.csv")} for text in texts["tables"]
+    ]
     for table in tables:
         table["rows"] = _by_row(table["cells"])
     figures = []
@@ -56,7 +61,10 @@ def content(results: Results, out: Path) -> dict[str, Any]:
         "most_steps": max((agent["steps"] for agent in benchmark), default=0),
         "barely": bool(benchmark) and any(agent["steps"] < BARELY for agent in benchmark),
         "claims": claims,
-        "counts": {v: sum(c["verdict"] == v for c in claims) for v in ("reproduced", "not reproduced", "not measured")},
+        "counts": {
+            v: sum(c["verdict"] == v for c in claims)
+            for v in ("reproduced", "not reproduced", "not measured")
+        },
         "tables": tables,
         "figures": figures,
         "paper_agents": PAPER_AGENTS,
@@ -102,9 +110,9 @@ def _image(stem: Path) -> str:
 def cell_text(cell: Cell, value: float | None = None) -> str:
     """A number of the cell in its own unit: rates as 0.97, changes as +3.0 %, angles as 1.20 rad. Default: ours."""
     if value is None:
-        if cell.status != MEASURED:
-            return cell.status
         value = cell.ours
+    if value is None:
+        return cell.status
     if cell.quantity.startswith("relative"):
         return f"{100 * value:+.1f} %"
     if "(rad)" in cell.quantity:

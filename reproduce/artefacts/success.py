@@ -38,7 +38,9 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
             # The paper prints no number an object; its class means (Table I) stand for simulation only.
             note = "paper's value: mean of the object's class in Table I" if evaluation == "nominal" else ""
             paper = means[item.id] if evaluation == "nominal" else None
-            cell = rate_cell(object_label(item), label, paper, mine, runs=runs, steps=steps, missing=why, note=note)
+            cell = rate_cell(
+                object_label(item), label, paper, mine, runs=runs, steps=steps, missing=why, note=note
+            )
             cells.append(cell)
             bar(axes, item.id + shift, 0.36, cell, colour)
     for item in objects:
@@ -56,8 +58,8 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     n = f"{count[0]}" if len(count) == 1 else f"{count[0]} to {count[-1]}" if count else "no"
     footnote(
         made,
-        f"Scale {results.scale}. {n} episodes a bar (the paper: 6144), 95 % Wilson intervals. The paper's second bars are a real"
-        " robot's; they can't be had here.",
+        f"Scale {results.scale}. {n} episodes a bar (the paper: 6144), 95 % Wilson intervals. The paper's"
+        " second bars are a real robot's; they can't be had here.",
     )
     save(made, outputs)
     write_cells(outputs[2], cells)

@@ -20,7 +20,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
 
 
 def table_cells(results: Results, values: dict) -> list[Cell]:
-    """One cell an object class and agent. A class is complete or missing: a mean over some of its objects is neither."""
+    """One cell an object class and agent. A class with an object missing is missing: its mean would be another one."""
     cells = []
     for index, row in enumerate(values["rows"]):
         for column in values["columns"]:
@@ -46,8 +46,8 @@ def latex(values: dict, cells: list[Cell], results: Results) -> str:
         "% Needs the package booktabs.",
         r"\begin{table}",
         r"  \centering",
-        rf"  \caption{{Success rates by object properties. Scale: {results.scale}. Each cell: ours [95\,\% Wilson interval],"
-        r" then the paper's value and our number of episodes.}",
+        rf"  \caption{{Success rates by object properties. Scale: {results.scale}. Each cell: ours"
+        r" [95\,\% Wilson interval], then the paper's value and our number of episodes.}",
         r"  \begin{tabular}{l c " + "c " * len(names) + "}",
         r"    \toprule",
         r"    \multicolumn{2}{c}{Objects} & \multicolumn{2}{c}{Oracle} & \multicolumn{2}{c}{Estimator} \\",

@@ -40,17 +40,37 @@ def table_cells(results: Results, values: dict) -> list[Cell]:
                 continue
             # Objects both were evaluated on: a change must compare like with like.
             shared = {r.object_id for r in rows} & {r.object_id for r in base}
-            change = relative_change(
-                [r for r in rows if r.object_id in shared], [r for r in base if r.object_id in shared], quantity,
-                results.seed,
-            ) if shared else None
+            change = (
+                relative_change(
+                    [r for r in rows if r.object_id in shared],
+                    [r for r in base if r.object_id in shared],
+                    quantity,
+                    results.seed,
+                )
+                if shared
+                else None
+            )
             if change is None:
-                why = "the base model's value is zero: no ratio" if shared else "no object evaluated with both"
+                why = (
+                    "the base model's value is zero: no ratio" if shared else "no object evaluated with both"
+                )
                 cells.append(
-                    empty_cell(row["name"], column, column, paper, why, status=UNDEFINED, runs=runs, steps=steps, n=len(rows))
+                    empty_cell(
+                        row["name"],
+                        column,
+                        column,
+                        paper,
+                        why,
+                        status=UNDEFINED,
+                        runs=runs,
+                        steps=steps,
+                        n=len(rows),
+                    )
                 )
             else:
-                cells.append(estimate_cell(row["name"], column, column, paper, change, runs=runs, steps=steps))
+                cells.append(
+                    estimate_cell(row["name"], column, column, paper, change, runs=runs, steps=steps)
+                )
     return cells
 
 
@@ -63,8 +83,12 @@ def _base_cells(base: list | None, runs: list[str], results: Results) -> list[Ce
     steps = results.steps_trained(runs)
     angle = mean_final_angle(base, results.seed)
     return [
-        estimate_cell(BASE_ROW, "success rate", "success rate", None, success_rate(base), runs=runs, steps=steps),
-        estimate_cell(BASE_ROW, "final angle to goal", "mean final angle (rad)", None, angle, runs=runs, steps=steps),
+        estimate_cell(
+            BASE_ROW, "success rate", "success rate", None, success_rate(base), runs=runs, steps=steps
+        ),
+        estimate_cell(
+            BASE_ROW, "final angle to goal", "mean final angle (rad)", None, angle, runs=runs, steps=steps
+        ),
     ]
 
 
@@ -76,8 +100,8 @@ def latex(values: dict, cells: list[Cell], results: Results) -> str:
         "% Needs the packages booktabs and makecell.",
         r"\begin{table}",
         r"  \centering",
-        rf"  \caption{{Training with estimator: ablations, relative to the VecBPS agent. Scale: {results.scale}. Each cell:"
-        r" ours [95\,\% bootstrap interval], then the paper's value and our number of episodes.}",
+        rf"  \caption{{Training with estimator: ablations, relative to the VecBPS agent. Scale: {results.scale}."
+        r" Each cell: ours [95\,\% bootstrap interval], then the paper's value and our number of episodes.}",
         r"  \begin{tabular}{l c c c}",
         r"    \toprule",
         r"     & \makecell{relative\\success rate} & \makecell{relative\\final angle to goal} & trained for \\",
@@ -89,12 +113,16 @@ def latex(values: dict, cells: list[Cell], results: Results) -> str:
         mine = [by_place[row["name"], column] for _, column in QUANTITIES]
         name = row["name"].replace("sigma", r"$\sigma$").replace("through B", r"through $\mathcal{B}$")
         lines.append(f"    {name} & " + " & ".join(map(_ours, mine)) + rf" & {_trained(mine[0])} \\")
-        lines.append("     & " + " & ".join(f"(paper {_signed(c.paper)}; n = {c.n})" for c in mine) + r" & \\")
+        lines.append(
+            "     & " + " & ".join(f"(paper {_signed(c.paper)}; n = {c.n})" for c in mine) + r" & \\"
+        )
     lines += [r"    \bottomrule", r"  \end{tabular}", r"\end{table}"]
     return "\n".join(lines) + "\n"
 
 
-def _signed(value: float) -> str:
+def _signed(value: float | None) -> str:
+    if value is None:
+        return "--"
     return rf"${100 * value:+.1f}\,\%$"
 
 

@@ -1,4 +1,4 @@
-"""Fig. 6 of the paper: distributions of the final angle, one violin an object, oracle (left half) and tactile (right)."""
+"""Fig. 6 of the paper: distributions of the final angle, one violin an object, oracle (left) and tactile (right)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,9 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     objects = paper_objects()
     agents = ((ORACLE, "Oracle VecBPS", BLUE, -1), (TACTILE, "Tactile VecBPS", ORANGE, 1))
     everyone = {role: by_object(results.rows(role, "nominal") or ()) for role, *_ in agents}
-    widest = max([WIDEST, *(shape(rows, cutoff)[1].max() for found in everyone.values() for rows in found.values())])
+    widest = max(
+        [WIDEST, *(shape(rows, cutoff)[1].max() for found in everyone.values() for rows in found.values())]
+    )
     for role, label, colour, side in agents:
         rows = everyone[role]
         runs = results.evaluated(role, "nominal")
@@ -48,8 +50,16 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
             if mine:
                 half_violin(axes, item.id, side, mine, cutoff, colour, widest)
             else:
-                axes.text(item.id + 0.2 * side, 0.75, "missing", rotation=90, ha="center", va="center", fontsize=6.5,
-                          color="#8a8f98")
+                axes.text(
+                    item.id + 0.2 * side,
+                    0.75,
+                    "missing",
+                    rotation=90,
+                    ha="center",
+                    va="center",
+                    fontsize=6.5,
+                    color="#8a8f98",
+                )
     axes.axhline(SUCCESS_ANGLE, color="#333333", linewidth=0.8, linestyle="--")
     axes.text(len(objects) - 0.45, SUCCESS_ANGLE, " success", va="center", fontsize=7)
     axes.axhline(cutoff, color="#b9bdc5", linewidth=0.6)
@@ -62,8 +72,8 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     count = sorted({cell.n for cell in cells if cell.n})
     footnote(
         made,
-        f"Scale {results.scale}. {_range(count)} episodes a half violin (the paper: 1536). Lumps at the top: angles over 1.5 rad"
-        " and drops, with their share in %.",
+        f"Scale {results.scale}. {_range(count)} episodes a half violin (the paper: 1536). Lumps at the top: angles"
+        " over 1.5 rad and drops, with their share in %.",
     )
     save(made, outputs)
     write_cells(outputs[2], cells)
@@ -101,7 +111,9 @@ def half_violin(
     lump = np.linspace(TOP - 0.06, TOP + 0.06, 25)
     round_off = np.sqrt(np.maximum(0.0, 1 - ((lump - TOP) / 0.06) ** 2))
     axes.fill_betweenx(lump, x, x + side * round_off * share * HALF, color=colour, alpha=0.75, linewidth=0)
-    axes.text(x + side * 0.22, TOP + 0.065, f"{100 * share:.0f}", ha="center", va="bottom", fontsize=6, color=colour)
+    axes.text(
+        x + side * 0.22, TOP + 0.065, f"{100 * share:.0f}", ha="center", va="bottom", fontsize=6, color=colour
+    )
     axes.plot([x, x], [0, cutoff], color="white", linewidth=0.5)
 
 
@@ -115,7 +127,13 @@ def density_of(angles: np.ndarray, grid: np.ndarray) -> np.ndarray:
 
 
 def _cells(
-    rows: Sequence[EpisodeRow], row: str, column: str, cutoff: float, runs: Sequence[str], steps: Sequence[int], seed: int
+    rows: Sequence[EpisodeRow],
+    row: str,
+    column: str,
+    cutoff: float,
+    runs: Sequence[str],
+    steps: Sequence[int],
+    seed: int,
 ) -> list[Cell]:
     angle, share = "mean final angle (rad)", "share over 1.5 rad or dropped"
     if not any(r.theta is not None for r in rows):
@@ -126,4 +144,3 @@ def _cells(
         estimate_cell(row, column, angle, None, mean_final_angle(rows, seed), runs=runs, steps=steps),
         estimate_cell(row, column, share, None, away, runs=runs, steps=steps),
     ]
-

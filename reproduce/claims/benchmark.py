@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 import randomization
@@ -75,11 +77,14 @@ def shape_matters_more_with_estimator(results: Results) -> Verdict:
     counts = {name: count(found, name) for name, found in zip(names, rows, strict=True)}
     for name in ("oracle VecBPS", "tactile VecBPS"):
         must_have_learned({name: counts[name]})
-    strata = [[np.array([r.success for r in g], float) for g in group(found, lambda r: r.object_id).values()] for found in rows]
+    strata = [
+        [np.array([r.success for r in g], float) for g in group(found, lambda r: r.object_id).values()]
+        for found in rows
+    ]
     sizes = np.cumsum([0, *map(len, strata)])
 
     def losses(parts: list[np.ndarray]) -> np.ndarray:
-        rates = [np.concatenate(parts[a:b]).mean() for a, b in zip(sizes[:-1], sizes[1:], strict=True)]
+        rates = [np.concatenate(parts[a:b]).mean() for a, b in itertools.pairwise(sizes)]
         oracle, tactile = (rates[i + 1] / rates[i] - 1 if rates[i] > 0 else np.nan for i in (0, 2))
         return np.array([oracle, tactile, tactile - oracle])
 
@@ -88,8 +93,8 @@ def shape_matters_more_with_estimator(results: Results) -> Verdict:
     low, high = stratified_bootstrap(flat, losses, generator=generator)
     oracle, tactile, gap = losses(flat)
     figures = (
-        f"Pos against VecBPS: oracle {signed(oracle, low[0], high[0])}, tactile {signed(tactile, low[1], high[1])}, tactile"
-        f" less oracle {signed(gap, low[2], high[2])}"
+        f"Pos against VecBPS: oracle {signed(oracle, low[0], high[0])}, tactile {signed(tactile, low[1], high[1])},"
+        f" tactile less oracle {signed(gap, low[2], high[2])}"
     )
     base, ablated = results.rows(TACTILE, "nominal"), results.rows(ABLATED["no_shape"], "nominal")
     if base and ablated and (change := relative_change(ablated, base, "success", results.seed)):
@@ -108,7 +113,7 @@ def generalises(results: Results) -> Verdict:
     n = seen.episodes + novel.episodes
     if gap[2] - gap[1] > 2 * WIDE:
         raise NotMeasured(f"too few episodes to tell; {figures}", n)
-    within = -2 * CLEAR < gap[1] and gap[2] < 2 * CLEAR
+    within = gap[1] > -2 * CLEAR and gap[2] < 2 * CLEAR
     return Verdict(REPRODUCED if within or gap[1] <= 0 <= gap[2] else NOT_REPRODUCED, figures, n)
 
 
@@ -125,8 +130,8 @@ def complex_objects_split_agents(results: Results) -> Verdict:
     behind = minus(counts["tactile", "complex"], counts["oracle", "complex"])
     holds = loss["tactile"][2] < 0 and loss["tactile"][0] < loss["oracle"][0] and behind[2] < 0
     figures = (
-        f"objects 13-15 less objects 0-12: oracle {signed(*loss['oracle'])}, tactile {signed(*loss['tactile'])}; tactile less"
-        f" oracle on 13-15 {signed(*behind)}"
+        f"objects 13-15 less objects 0-12: oracle {signed(*loss['oracle'])}, tactile {signed(*loss['tactile'])};"
+        f" tactile less oracle on 13-15 {signed(*behind)}"
     )
     return Verdict(REPRODUCED if holds else NOT_REPRODUCED, figures, sum(c.episodes for c in counts.values()))
 
@@ -134,10 +139,15 @@ def complex_objects_split_agents(results: Results) -> Verdict:
 def small_ablations(results: Results) -> Verdict:
     """15: without sigma or gradient a little worse (0 to 10 %); BPS distances alone within 5 % either way."""
     base = needed(results, TACTILE, "nominal")
-    found = {key: needed(results, ABLATED[key], "nominal") for key in ("no_sigma", "stop_gradient", "distances_only")}
+    found = {
+        key: needed(results, ABLATED[key], "nominal")
+        for key in ("no_sigma", "stop_gradient", "distances_only")
+    }
     must_have_learned({"base": count(base, "base")})
     changes = {key: _change(rows, base, results.seed) for key, rows in found.items()}
-    figures = ", ".join(f"{key.replace('_', ' ')} {signed(c.value, c.low, c.high)}" for key, c in changes.items())
+    figures = ", ".join(
+        f"{key.replace('_', ' ')} {signed(c.value, c.low, c.high)}" for key, c in changes.items()
+    )
     n = len(base) + sum(map(len, found.values()))
     if any(c.high - c.low > 2 * WIDE for c in changes.values()):
         raise NotMeasured(f"too few episodes to tell effects of a few per cent; {figures}", n)

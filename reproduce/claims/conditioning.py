@@ -22,7 +22,7 @@ from reproduce.claims.verdict import (
 from reproduce.inventory import TACTILE, TRANSFER, Results
 from tactile_kit.evaluation.intervals import stratified_bootstrap
 from tactile_kit.evaluation.rows import EpisodeRow
-from tactile_kit.evaluation.summary import group
+from tactile_kit.evaluation.summary import group, success_rate
 
 NEAR, FAR = 0.0125, 0.0175  # m from the median, of the furthest extent (which is at most 0.0225 m away)
 
@@ -34,15 +34,20 @@ def wrong_size_hurts(results: Results) -> Verdict:
     for evaluation in ("extent-true", "extent-fixed"):
         rows = needed(results, TACTILE, evaluation)
         away = [abs(row.furthest_extent - median) for row in rows]
-        counts[evaluation, "near"] = count([r for r, a in zip(rows, away, strict=True) if a <= NEAR], f"{evaluation}, near")
-        counts[evaluation, "far"] = count([r for r, a in zip(rows, away, strict=True) if a >= FAR], f"{evaluation}, far")
+        counts[evaluation, "near"] = count(
+            [r for r, a in zip(rows, away, strict=True) if a <= NEAR], f"{evaluation}, near"
+        )
+        counts[evaluation, "far"] = count(
+            [r for r, a in zip(rows, away, strict=True) if a >= FAR], f"{evaluation}, far"
+        )
     must_have_learned({"correct mesh, near": counts["extent-true", "near"]})
     falls = {e: minus(counts[e, "far"], counts[e, "near"]) for e in ("extent-true", "extent-fixed")}
     far = minus(counts["extent-fixed", "far"], counts["extent-true", "far"])
     holds = falls["extent-fixed"][2] < 0 and far[2] < 0 and falls["extent-fixed"][0] < falls["extent-true"][0]
     figures = (
-        f"far (1.75 cm or more off the median) less near (1.25 cm or less): fixed mesh {signed(*falls['extent-fixed'])}, correct"
-        f" mesh {signed(*falls['extent-true'])}; far, fixed less correct {signed(*far)}"
+        "far (1.75 cm or more off the median) less near (1.25 cm or less):"
+        f" fixed mesh {signed(*falls['extent-fixed'])}, correct mesh"
+        f" {signed(*falls['extent-true'])}; far, fixed less correct {signed(*far)}"
     )
     return Verdict(REPRODUCED if holds else NOT_REPRODUCED, figures, sum(c.episodes for c in counts.values()))
 
@@ -59,7 +64,9 @@ def own_mesh_is_best(results: Results) -> Verdict:
     best, beaten = 0, []
     for held in objects:
         mine = count(pairs.get((held, held), []), f"object {held} under its own mesh")
-        rivals = {given: count(found, "") for (given, h), found in pairs.items() if h == held and given != held}
+        rivals = {
+            given: count(found, "") for (given, h), found in pairs.items() if h == held and given != held
+        }
         best += all(rival.rate <= mine.rate for rival in rivals.values())
         # Bonferroni over an object's rivals: with a dozen of them one looks better by luck.
         confident = [given for given, rival in rivals.items() if _clearly_better(rival, mine, len(rivals))]
@@ -95,14 +102,17 @@ def survives_transfer(results: Results) -> Verdict:
         return float(np.mean(means[: len(shared)]) - np.mean(means[len(shared) :]))
 
     generator = randomization.stream(results.seed, "bootstrap", "claim 16")
-    low, high = stratified_bootstrap(strata, gap, generator=generator)
+    low, high = map(float, stratified_bootstrap(strata, gap, generator=generator))
     value = gap(strata)
     figures = f"other simulator less this one, mean over {len(shared)} objects {signed(value, low, high)}"
     if high - low > 6 * CLEAR:
         raise NotMeasured(f"too few episodes to tell; {figures}", len(here) + len(there))
     holds = low > -2 * CLEAR and (abs(value) <= CLEAR or low <= 0 <= high)
-    return Verdict(REPRODUCED if holds else NOT_REPRODUCED, figures + f" of {percent(np.mean([r.success for r in here]), 1)}",
-                   len(here) + len(there))
+    return Verdict(
+        REPRODUCED if holds else NOT_REPRODUCED,
+        figures + f" of {percent(success_rate(here).value, 1)}",
+        len(here) + len(there),
+    )
 
 
 def _successes(rows: list[EpisodeRow], held: int) -> np.ndarray:

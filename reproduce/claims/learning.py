@@ -1,4 +1,4 @@
-"""Claims 1 to 7: learning curves of oracle agents (Fig. 5). A line's score is its mean over the last tenth of training."""
+"""Claims 1 to 7: learning curves of oracle agents (Fig. 5). A line's score: its mean over the last tenth."""
 
 from __future__ import annotations
 
@@ -63,7 +63,9 @@ def marginal_on_cube(results: Results) -> Verdict:
     """2: on the cube VecBPS and Pos differ by less than 5 points."""
     values = scores(results, "cube", ("vec_bps", "pos"))
     gain = values["vec_bps"].mean() - values["pos"].mean()
-    return _verdict(-TOLERANCE <= gain < CLEAR, f"gain {percent(gain, 1)} ({said_scores(values)})", _seeds(values))
+    return _verdict(
+        -TOLERANCE <= gain < CLEAR, f"gain {percent(gain, 1)} ({said_scores(values)})", _seeds(values)
+    )
 
 
 def grows_with_set(results: Results) -> Verdict:
@@ -89,15 +91,19 @@ def rotation_does_not_help(results: Results) -> Verdict:
     values = scores(results, "geometric8", ("pos_rot", "pos"), seeds=3)
     spread = {line: float(np.ptp(value)) for line, value in values.items()}
     holds = values["pos_rot"].mean() <= values["pos"].mean() + TOLERANCE and spread["pos_rot"] > spread["pos"]
-    said = f"{said_scores(values)}; largest less smallest seed: PosRot {percent(spread['pos_rot'], 1)}, Pos" \
+    said = (
+        f"{said_scores(values)}; largest less smallest seed: PosRot {percent(spread['pos_rot'], 1)}, Pos"
         f" {percent(spread['pos'], 1)}"
+    )
     return _verdict(bool(holds), said, _seeds(values))
 
 
 def mesh_does_not_help(results: Results) -> Verdict:
     """6: Mesh no better than Pos on Geometric 8."""
     values = scores(results, "geometric8", ("mesh", "pos"))
-    return _verdict(bool(values["mesh"].mean() <= values["pos"].mean() + TOLERANCE), said_scores(values), _seeds(values))
+    return _verdict(
+        bool(values["mesh"].mean() <= values["pos"].mean() + TOLERANCE), said_scores(values), _seeds(values)
+    )
 
 
 def position_helps(results: Results) -> Verdict:

@@ -19,7 +19,9 @@ from tactile_kit.evaluation.rows import EpisodeRow
 
 REPRODUCED, NOT_REPRODUCED, NOT_MEASURED = "reproduced", "not reproduced", "not measured"
 
-LEARNED = 0.10  # a rate whose lower bound lies below this is too near to chance (0.3 %) and luck to compare with
+LEARNED = (
+    0.10  # a rate whose lower bound lies below this is too near to chance (0.3 %) and luck to compare with
+)
 CLEAR = 0.05  # differences of success rates smaller than this are "no clear difference" in the paper's sense
 
 

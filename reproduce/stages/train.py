@@ -22,8 +22,11 @@ def run(pipeline: Path, item: str, beat: Heartbeat) -> None:
     marker = {}
     for entry in entries:
         directory = Path(entry["directory"])
-        before = done
-        _train(entry["config"], directory, lambda steps, before=before: beat(min(total, before + steps), total))
+
+        def report(steps: int, before: int = done) -> None:
+            beat(min(total, before + steps), total)
+
+        _train(entry["config"], directory, report)
         done += entry["config"]["steps"]
         beat(done, total)
         marker[entry["run"]] = hashlib.sha256((directory / "agent.json").read_bytes()).hexdigest()
@@ -46,7 +49,10 @@ def _train(settings: dict[str, Any], directory: Path, report: Callable[[int], No
     there = directory / "config.yaml"
     if there.is_file() and (changed := differences(read_yaml(there), config.to_dict())):
         aside = _move_aside(directory)
-        print(f"{directory.name}: settings changed ({'; '.join(changed)}); the old run is now {aside}", flush=True)
+        print(
+            f"{directory.name}: settings changed ({'; '.join(changed)}); the old run is now {aside}",
+            flush=True,
+        )
     with _following(directory / "metrics.jsonl", report):
         _train_config(config, directory)
 
@@ -58,7 +64,9 @@ def _train_config(config: Any, directory: Path) -> None:
         return
     train(config, directory)
     if not finished(directory):
-        raise Stopped(f"{directory}: stopped before the end; the same command goes on from the last checkpoint")
+        raise Stopped(
+            f"{directory}: stopped before the end; the same command goes on from the last checkpoint"
+        )
 
 
 class Stopped(RuntimeError):

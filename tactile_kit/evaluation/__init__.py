@@ -4,7 +4,14 @@ from tactile_kit.evaluation.errors import EpisodeFileError, EvaluationError
 from tactile_kit.evaluation.evaluate import evaluate
 from tactile_kit.evaluation.intervals import Interval, difference, stratified_bootstrap, wilson
 from tactile_kit.evaluation.rows import COLUMNS, SUCCESS_ANGLE, EpisodeRow, read_rows, write_rows
-from tactile_kit.evaluation.summary import Estimate, final_angles, group, mean_final_angle, relative_change, success_rate
+from tactile_kit.evaluation.summary import (
+    Estimate,
+    final_angles,
+    group,
+    mean_final_angle,
+    relative_change,
+    success_rate,
+)
 
 __all__ = [
     "COLUMNS",

@@ -1,7 +1,7 @@
 """What an evaluation consists of: cases (object held, mesh given, goals) and their episodes, each with its own seed.
 
-Seeds and goals depend on the object, its size, the goal and the repeat only, never on the agent or the mesh given. So two
-agents, or the right and a wrong mesh, meet the very same episodes, and their difference carries less noise.
+Seeds and goals depend on the object, its size, the goal and the repeat only, never on the agent or the mesh given. So
+two agents, or the right and a wrong mesh, meet the very same episodes, and their difference carries less noise.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def make_cases(
         bodies: what the environment has.
         names: the objects to hold; others only lend meshes.
         given: ``true``: the mesh of the body held; ``nominal``: that object at nominal size (the paper's fixed median
-            mesh, Fig. 9); ``each``: the nominal mesh of every object of ``names`` in turn (Fig. 10); or an object's name.
+            mesh, Fig. 9); ``each``: the nominal mesh of every object of ``names`` in turn (Fig. 10); or an object.
         goals: ``octahedral`` or ``so3``.
         goals_per_case: how many of the 24 goals, drawn without repetition; or how many goals on SO(3).
 
@@ -75,13 +75,17 @@ def make_cases(
     if goals not in ("octahedral", "so3"):
         raise EvaluationError(f"goals = {goals!r}; allowed are 'octahedral' and 'so3'")
     if goals_per_case < 1 or (goals == "octahedral" and goals_per_case > GOALS):
-        raise EvaluationError(f"goals_per_case = {goals_per_case}; allowed are 1 to {GOALS}, more only for goals = 'so3'")
+        raise EvaluationError(
+            f"goals_per_case = {goals_per_case}; allowed are 1 to {GOALS}, more only for goals = 'so3'"
+        )
     nominal = {body.name: index for index, body in enumerate(bodies) if body.size == 0}
     held = [index for index, body in enumerate(bodies) if body.playable and body.name in names]
     if not held:
         raise EvaluationError(f"objects = {sorted(names)}; allowed are one or more of {sorted(nominal)}")
     if given not in ("true", "nominal", "each") and given not in nominal:
-        raise EvaluationError(f"given = {given!r}; allowed are 'true', 'nominal', 'each', {', '.join(sorted(nominal))}")
+        raise EvaluationError(
+            f"given = {given!r}; allowed are 'true', 'nominal', 'each', {', '.join(sorted(nominal))}"
+        )
     cases = []
     for index in held:
         body = bodies[index]
@@ -108,7 +112,9 @@ def make_episodes(
         for place, goal in enumerate(case.goals):
             for repeat in range(episodes_per_goal):
                 name = goal if goal >= 0 else f"so3 {place}"
-                child = randomization.derive(seed, "evaluation", "episode", body.name, body.size, name, repeat)
+                child = randomization.derive(
+                    seed, "evaluation", "episode", body.name, body.size, name, repeat
+                )
                 number = repeat if goal >= 0 else place * episodes_per_goal + repeat
                 episodes.append(Episode(index, goal, number, child))
     return episodes

@@ -37,8 +37,8 @@ def evaluate(
 ) -> list[EpisodeRow]:
     """Evaluates an agent and returns one row an episode, in the order of ``cases.make_episodes``.
 
-    All agents are evaluated alike, whatever they were trained under: full gravity, 10 s, the same randomisation. Actions
-    are the policy's mean. A tactile agent sees its own estimate, never the truth.
+    All agents are evaluated alike, whatever they were trained under: full gravity, 10 s, the same randomisation.
+    Actions are the policy's mean. A tactile agent sees its own estimate, never the truth.
 
     Args:
         agent: what ``tactile_kit.load_agent`` returns, or an agent's directory.
@@ -46,8 +46,8 @@ def evaluate(
         goals: the 24 octahedral goals, or goals uniform on SO(3).
         episodes_per_goal: repeats of each goal, each with its own initial grasp and randomisation.
         seed: of the evaluation. Its streams are apart from training's of the same number.
-        given: the mesh the agent is told of: ``true``, ``nominal`` (median extents), ``each`` (the nominal mesh of every
-            object in turn), or an object's name.
+        given: the mesh the agent is told of: ``true``, ``nominal`` (median extents), ``each`` (the nominal mesh of
+            every object in turn), or an object's name.
         scaling: nominal sizes, or extents drawn an axis from U[4.5, 9] cm.
         sizes: how many random sizes an object; 1 where scaling is nominal.
         goals_per_case: how many of the 24 goals each body and mesh is given.
@@ -60,9 +60,13 @@ def evaluate(
         EvaluationError: an argument out of range; unknown objects raise ``object_sets``' error with the nearest name.
     """
     if sizes < 1 or (scaling == "nominal" and sizes != 1):
-        raise EvaluationError(f"sizes = {sizes}; allowed are integers >= 1, and 1 only where scaling is nominal")
+        raise EvaluationError(
+            f"sizes = {sizes}; allowed are integers >= 1, and 1 only where scaling is nominal"
+        )
     if num_envs < 1 or num_workers < 0:
-        raise EvaluationError(f"num_envs = {num_envs}, num_workers = {num_workers}; allowed are >= 1 and >= 0")
+        raise EvaluationError(
+            f"num_envs = {num_envs}, num_workers = {num_workers}; allowed are >= 1 and >= 0"
+        )
     import object_sets
     from tactile_kit.agents.agent import load_agent
     from tactile_kit.task.goals import EpisodeSpec
@@ -73,35 +77,53 @@ def evaluate(
     names = [thing.name for thing in object_sets.select(objects)]
     lent = "" if given in ("true", "nominal", "each") else given
     task = evaluation_task(
-        agent.task, f"{objects},{lent}" if lent else objects, seed, scaling, sizes, goals=goals, randomization=randomization
+        agent.task,
+        f"{objects},{lent}" if lent else objects,
+        seed,
+        scaling,
+        sizes,
+        goals=goals,
+        randomization=randomization,
     )
     variants = prepare(task)
     bodies = _bodies(variants)
     if lent:
         (lent,) = (thing.name for thing in object_sets.select(lent))
-    cases = make_cases(bodies, set(names), given=lent or given, goals=goals, goals_per_case=goals_per_case, seed=seed)
+    cases = make_cases(
+        bodies, set(names), given=lent or given, goals=goals, goals_per_case=goals_per_case, seed=seed
+    )
     episodes = make_episodes(bodies, cases, episodes_per_goal, seed)
-    specs = [
-        EpisodeSpec(cases[e.case].held, cases[e.case].given, goal_rotation(e), e.seed) for e in episodes
-    ]
+    specs = [EpisodeSpec(cases[e.case].held, cases[e.case].given, goal_rotation(e), e.seed) for e in episodes]
     results = _roll_out(agent, task, specs, min(num_envs, len(specs)), num_workers, seed, progress)
     label = name or agent.directory.name
     rows = []
     for episode, result in zip(episodes, results, strict=True):
         case = cases[episode.case]
-        held, given_body = variants.objects[case.held], variants.objects[case.given]
-        extents = [float(value) for value in held.extents]
-        given_extents = [float(value) for value in given_body.extents]
+        held, told = variants.objects[case.held], variants.objects[case.given]
         fault = (result.fault or "").replace("\n", " ")
         rows.append(
             EpisodeRow(
-                label, agent.kind, agent.manifest.encoding, agent.manifest.seed,
-                held.id, held.name, bodies[case.held].size, *extents,
-                given_body.id, given_body.name, *given_extents,
-                episode.goal, episode.repeat, episode.seed,
-                None if fault else result.theta, None if fault else result.theta_min,
-                result.success and not fault, result.drop, fault, result.steps,
-            )  # fmt: skip
+                agent=label,
+                kind=agent.kind,
+                encoding=agent.manifest.encoding,
+                training_seed=agent.manifest.seed,
+                object_id=held.id,
+                object=held.name,
+                size=bodies[case.held].size,
+                **_extents("extent", held),
+                given_id=told.id,
+                given=told.name,
+                **_extents("given_extent", told),
+                goal=episode.goal,
+                episode=episode.repeat,
+                seed=episode.seed,
+                theta=None if fault else result.theta,
+                theta_min=None if fault else result.theta_min,
+                success=result.success and not fault,
+                drop=result.drop,
+                fault=fault,
+                steps=result.steps,
+            )
         )
     return rows
 
@@ -116,8 +138,8 @@ def evaluation_task(
     goals: str = "octahedral",
     randomization: str = "default",
 ) -> Any:
-    """The ``TaskConfig`` an agent trained under ``trained`` is evaluated under: its inputs, actions and physics, all else
-    the same for every agent."""
+    """The ``TaskConfig`` an agent trained under ``trained`` is evaluated under: its inputs, actions and physics;
+    all else is the same for every agent."""
     changes = {
         "objects": objects,
         "scaling": scaling,
@@ -134,6 +156,10 @@ def evaluation_task(
     return type(trained)(**{**trained.model_dump(), **changes})
 
 
+def _extents(prefix: str, thing: Any) -> dict[str, Any]:
+    return {f"{prefix}_{axis}": float(extent) for axis, extent in zip("xyz", thing.extents, strict=True)}
+
+
 def _bodies(variants: Any) -> list[Body]:
     """The environment's variants by object and size: nominal ones first, then random sizes counted from 1."""
     bodies: list[Body] = []
@@ -148,7 +174,11 @@ def _roll_out(
 ) -> list:
     """Plays the episodes, each once; their results in order."""
     env = agent.make_env(
-        config=task, num_envs=num_envs, num_workers=num_workers, seed=derive(seed, "evaluation"), episodes=specs
+        config=task,
+        num_envs=num_envs,
+        num_workers=num_workers,
+        seed=derive(seed, "evaluation"),
+        episodes=specs,
     )
     try:
         observations = env.reset()

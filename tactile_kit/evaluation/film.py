@@ -18,7 +18,9 @@ SUFFIXES = (".gif", ".mp4")
 FRAMES_A_SECOND = 10  # real time: one picture a control step
 
 
-def film(agent: Any, path: str | Path, *, objects: str = "cube", episodes: int = 1, seed: int = 0, size: int = 320) -> int:
+def film(
+    agent: Any, path: str | Path, *, objects: str = "cube", episodes: int = 1, seed: int = 0, size: int = 320
+) -> int:
     """Writes a film of the agent turning objects to octahedral goals, and returns the number of pictures.
 
     A small inset shows the goal orientation. Episodes come from the evaluation's seeds.
@@ -38,7 +40,9 @@ def film(agent: Any, path: str | Path, *, objects: str = "cube", episodes: int =
     if path.suffix not in SUFFIXES:
         raise EvaluationError(f"{path}: allowed are films ending in {' and '.join(SUFFIXES)}")
     if episodes < 1 or not 64 <= size <= 2048 or size % 16:
-        raise EvaluationError(f"episodes = {episodes}, size = {size}; allowed are >= 1, and multiples of 16 from 64 to 2048")
+        raise EvaluationError(
+            f"episodes = {episodes}, size = {size}; allowed are >= 1, and multiples of 16 from 64 to 2048"
+        )
     import imageio.v3 as imageio
 
     from tactile_kit.agents.agent import load_agent

@@ -34,7 +34,9 @@ def wilson(successes: int, episodes: int, confidence: float = CONFIDENCE) -> Int
     (E. B. Wilson, "Probable inference, the law of succession, and statistical inference", JASA 1927.)
     """
     if episodes < 1 or not 0 <= successes <= episodes:
-        raise EvaluationError(f"{successes} successes of {episodes}; allowed are 0 <= successes <= episodes >= 1")
+        raise EvaluationError(
+            f"{successes} successes of {episodes}; allowed are 0 <= successes <= episodes >= 1"
+        )
     z = _quantile(confidence)
     rate, z2 = successes / episodes, z * z
     centre = (rate + z2 / (2 * episodes)) / (1 + z2 / episodes)
@@ -79,9 +81,13 @@ def stratified_bootstrap(
     """
     strata = [np.asarray(stratum, dtype=np.float64) for stratum in strata]
     if not strata or any(len(stratum) == 0 for stratum in strata):
-        raise EvaluationError(f"strata of sizes {[len(s) for s in strata]}; allowed are one or more, none empty")
+        raise EvaluationError(
+            f"strata of sizes {[len(s) for s in strata]}; allowed are one or more, none empty"
+        )
     if max(len(stratum) for stratum in strata) < 2:
-        raise EvaluationError("every stratum holds one unit; at least one must hold two or more for an interval")
+        raise EvaluationError(
+            "every stratum holds one unit; at least one must hold two or more for an interval"
+        )
     tail = (1.0 - confidence) / 2
     _quantile(confidence)
     values = [

@@ -11,6 +11,7 @@ import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from tactile_kit.evaluation.errors import EpisodeFileError
 
@@ -64,7 +65,14 @@ COLUMNS: tuple[str, ...] = tuple(field.name for field in fields(EpisodeRow))
 _PI = math.pi + 1e-4  # float32 rounding of an angle of exactly pi
 
 
-def _number(lowest: float, highest: float, optional: bool = False) -> Callable[[str], float | None]:
+class _Column(NamedTuple):
+    """How a column is read (``ValueError`` or ``KeyError`` where it can't be), and in words what it may hold."""
+
+    parse: Callable[[str], Any]
+    allowed: str
+
+
+def _number(lowest: float, highest: float, optional: bool = False) -> _Column:
     def parse(text: str) -> float | None:
         if optional and text == "":
             return None
@@ -73,69 +81,44 @@ def _number(lowest: float, highest: float, optional: bool = False) -> Callable[[
             raise ValueError
         return value
 
-    parse.allowed = f"a number in [{lowest:g}, {highest:g}]" + (" or empty" if optional else "")
-    return parse
+    return _Column(parse, f"a number in [{lowest:g}, {highest:g}]" + (" or empty" if optional else ""))
 
 
-def _integer(lowest: int, highest: int | None = None) -> Callable[[str], int]:
+def _integer(lowest: int, highest: int | None = None) -> _Column:
     def parse(text: str) -> int:
         value = int(text)
         if value < lowest or (highest is not None and value > highest):
             raise ValueError
         return value
 
-    parse.allowed = f"an integer >= {lowest}" + ("" if highest is None else f" and <= {highest}")
-    return parse
+    return _Column(parse, f"an integer >= {lowest}" + ("" if highest is None else f" and <= {highest}"))
 
 
-def _choice(*choices: str) -> Callable[[str], str]:
+def _line(empty: bool = False) -> _Column:
     def parse(text: str) -> str:
-        if text not in choices:
+        if "\n" in text or not (text or empty):
             raise ValueError
         return text
 
-    parse.allowed = " or ".join(choices)
-    return parse
+    return _Column(parse, "a line of text or empty" if empty else "a non-empty line of text")
 
 
-def _text(text: str) -> str:
-    if not text or "\n" in text:
-        raise ValueError
-    return text
-
-
-_text.allowed = "a non-empty line of text"
-
-
-def _any_text(text: str) -> str:
-    if "\n" in text:
-        raise ValueError
-    return text
-
-
-_any_text.allowed = "a line of text or empty"
-
-
-def _flag(text: str) -> bool:
-    return {"0": False, "1": True}[text]
-
-
-_flag.allowed = "0 or 1"
-
+_FLAG = _Column({"0": False, "1": True}.__getitem__, "0 or 1")
+_KIND = _Column({"oracle": "oracle", "tactile": "tactile"}.__getitem__, "oracle or tactile")
 _EXTENT = _number(1e-3, 0.5)
-_PARSERS: dict[str, Callable] = {
-    "agent": _text,
-    "kind": _choice("oracle", "tactile"),
-    "encoding": _text,
+_COLUMNS: dict[str, _Column] = {
+    "agent": _line(),
+    "kind": _KIND,
+    "encoding": _line(),
     "training_seed": _integer(0),
     "object_id": _integer(0),
-    "object": _text,
+    "object": _line(),
     "size": _integer(0),
     "extent_x": _EXTENT,
     "extent_y": _EXTENT,
     "extent_z": _EXTENT,
     "given_id": _integer(0),
-    "given": _text,
+    "given": _line(),
     "given_extent_x": _EXTENT,
     "given_extent_y": _EXTENT,
     "given_extent_z": _EXTENT,
@@ -144,9 +127,9 @@ _PARSERS: dict[str, Callable] = {
     "seed": _integer(0, (1 << 63) - 1),
     "theta": _number(0.0, _PI, optional=True),
     "theta_min": _number(0.0, _PI, optional=True),
-    "success": _flag,
-    "drop": _flag,
-    "fault": _any_text,
+    "success": _FLAG,
+    "drop": _FLAG,
+    "fault": _line(empty=True),
     "steps": _integer(0),
 }
 
@@ -164,17 +147,19 @@ def _format(value: object) -> str:
 def _parse(cells: list[str], where: str) -> EpisodeRow:
     if len(cells) != len(COLUMNS):
         raise EpisodeFileError(f"{where}: {len(cells)} columns; allowed are exactly {len(COLUMNS)}")
-    values = {}
+    values: dict[str, Any] = {}
     for name, text in zip(COLUMNS, cells, strict=True):
-        parser = _PARSERS[name]
+        column = _COLUMNS[name]
         try:
-            values[name] = parser(text)
+            values[name] = column.parse(text)
         except (ValueError, KeyError):
-            raise EpisodeFileError(f"{where}: {name} = {text!r}; allowed is {parser.allowed}") from None
+            raise EpisodeFileError(f"{where}: {name} = {text!r}; allowed is {column.allowed}") from None
     row = EpisodeRow(**values)
     if (row.theta is None or row.theta_min is None) and not row.fault:
         raise EpisodeFileError(f"{where}: theta or theta_min is empty; allowed only where fault says why")
-    if row.success and (row.drop or row.fault or row.theta > SUCCESS_ANGLE + 1e-6):  # rounded in the file
+    if row.success and (
+        row.drop or row.fault or (row.theta or 0.0) > SUCCESS_ANGLE + 1e-6
+    ):  # rounded in the file
         raise EpisodeFileError(
             f"{where}: success = 1 with drop = {row.drop:d}, fault = {row.fault!r}, theta = {row.theta};"
             f" allowed only without drop or fault and with theta < {SUCCESS_ANGLE} rad"

@@ -113,6 +113,8 @@ def _bootstrap(
 ) -> tuple[float | None, float | None]:
     if max(map(len, strata)) < 2:
         return None, None
-    low, high = stratified_bootstrap(strata, statistic, generator=randomization.stream(seed, "bootstrap", purpose))
+    low, high = stratified_bootstrap(
+        strata, statistic, generator=randomization.stream(seed, "bootstrap", purpose)
+    )
     # A replicate without one base success has no ratio; then the data bound the change on no side.
     return (None, None) if np.isnan(low) or np.isnan(high) else (float(low), float(high))

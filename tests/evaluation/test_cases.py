@@ -11,7 +11,13 @@ from tactile_kit.evaluation.cases import Body, goal_rotation, make_cases, make_e
 from tactile_kit.task.rotations import octahedral
 
 NOMINAL = [Body("cube", 0, True), Body("apple", 0, True), Body("cylinder", 0, True)]
-RANDOM = [Body("cube", 0, False), Body("apple", 0, False), Body("cube", 1, True), Body("apple", 1, True), Body("cube", 2, True)]
+RANDOM = [
+    Body("cube", 0, False),
+    Body("apple", 0, False),
+    Body("cube", 1, True),
+    Body("apple", 1, True),
+    Body("cube", 2, True),
+]
 
 
 def test_true_meshes_and_all_goals():
@@ -50,7 +56,9 @@ def test_seeds_depend_on_name_and_seed_not_on_company():
     cases = make_cases(NOMINAL, {"cube", "apple"})
     among = [e for e in make_episodes(NOMINAL, cases, 1, seed=0) if cases[e.case].held == 1]
     assert [e.seed for e in alone] == [e.seed for e in among]
-    assert {e.seed for e in alone}.isdisjoint(e.seed for e in make_episodes(NOMINAL, make_cases(NOMINAL, {"apple"}), 1, seed=1))
+    assert {e.seed for e in alone}.isdisjoint(
+        e.seed for e in make_episodes(NOMINAL, make_cases(NOMINAL, {"apple"}), 1, seed=1)
+    )
 
 
 def test_evaluation_seeds_are_apart_from_trainings():
@@ -77,7 +85,12 @@ def test_goals_are_the_octahedral_group_or_on_so3():
 
 @pytest.mark.parametrize(
     "names, settings",
-    [({"cube"}, {"given": "pear"}), ({"pear"}, {}), ({"cube"}, {"goals_per_case": 25}), ({"cube"}, {"goals": "cubic"})],
+    [
+        ({"cube"}, {"given": "pear"}),
+        ({"pear"}, {}),
+        ({"cube"}, {"goals_per_case": 25}),
+        ({"cube"}, {"goals": "cubic"}),
+    ],
 )
 def test_what_does_not_exist_is_refused(names, settings):
     with pytest.raises(EvaluationError, match="allowed"):

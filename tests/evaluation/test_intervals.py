@@ -50,7 +50,9 @@ def test_difference_turns_round_with_its_sides():
 
 def test_bootstrap_of_a_mean_has_the_known_width():
     values = randomization.stream(0, "test", "bootstrap").normal(2.0, 3.0, size=900)
-    low, high = stratified_bootstrap([values], lambda s: s[0].mean(), generator=randomization.stream(1, "b"), replicates=4000)
+    low, high = stratified_bootstrap(
+        [values], lambda s: s[0].mean(), generator=randomization.stream(1, "b"), replicates=4000
+    )
     assert high - low == pytest.approx(2 * 1.96 * values.std() / 30, rel=0.06)
     assert low < values.mean() < high
 

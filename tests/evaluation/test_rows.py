@@ -9,10 +9,12 @@ import pytest
 from tactile_kit.evaluation import COLUMNS, EpisodeFileError, EpisodeRow, read_rows, write_rows
 
 ROW = EpisodeRow(
-    "tactile-vec_bps-geometric8-s0", "tactile", "vec_bps", 0, 8, "cube", 0, 0.0675, 0.0675, 0.0675, 9, "cuboid", 0.08, 0.08,
-    0.05, 23, 1, (1 << 63) - 1, 0.25, 0.125, True, False, "", 100,
+    "tactile-vec_bps-geometric8-s0", "tactile", "vec_bps", 0, 8, "cube", 0, 0.0675, 0.0675, 0.0675, 9, "cuboid",
+    0.08, 0.08, 0.05, 23, 1, (1 << 63) - 1, 0.25, 0.125, True, False, "", 100,
 )  # fmt: skip
-FAULT = dataclasses.replace(ROW, theta=None, theta_min=None, success=False, fault="position is NaN", goal=-1, steps=3)
+FAULT = dataclasses.replace(
+    ROW, theta=None, theta_min=None, success=False, fault="position is NaN", goal=-1, steps=3
+)
 
 
 def test_rows_come_back(tmp_path):
@@ -62,7 +64,9 @@ def test_an_angle_just_below_the_threshold_survives_rounding(tmp_path):
     assert read_rows(write_rows(tmp_path / "rows.csv", [row]))[0].success
 
 
-@pytest.mark.parametrize("text", ["", "agent,kind\n", ",".join(COLUMNS) + "\n", ",".join(COLUMNS) + "\na,b\n"])
+@pytest.mark.parametrize(
+    "text", ["", "agent,kind\n", ",".join(COLUMNS) + "\n", ",".join(COLUMNS) + "\na,b\n"]
+)
 def test_malformed_files_are_refused_by_name(tmp_path, text):
     path = tmp_path / "rows.csv"
     path.write_text(text)
@@ -71,11 +75,13 @@ def test_malformed_files_are_refused_by_name(tmp_path, text):
 
 
 def test_missing_files_are_refused_by_name(tmp_path):
-    with pytest.raises(EpisodeFileError, match="nowhere.csv"):
+    with pytest.raises(EpisodeFileError, match=r"nowhere\.csv"):
         read_rows(tmp_path / "nowhere.csv")
 
 
-@pytest.mark.parametrize("extents, furthest", [((0.06, 0.07, 0.08), 0.08), ((0.05, 0.07, 0.08), 0.05), ((0.0675,) * 3, 0.0675)])
+@pytest.mark.parametrize(
+    "extents, furthest", [((0.06, 0.07, 0.08), 0.08), ((0.05, 0.07, 0.08), 0.05), ((0.0675,) * 3, 0.0675)]
+)
 def test_furthest_extent(extents, furthest):
     row = dataclasses.replace(ROW, extent_x=extents[0], extent_y=extents[1], extent_z=extents[2])
     assert row.furthest_extent == furthest

@@ -7,18 +7,27 @@ import dataclasses
 import numpy as np
 import pytest
 
-from tactile_kit.evaluation import EpisodeRow, EvaluationError, final_angles, mean_final_angle, relative_change, success_rate
+from tactile_kit.evaluation import (
+    EpisodeRow,
+    EvaluationError,
+    final_angles,
+    mean_final_angle,
+    relative_change,
+    success_rate,
+)
 from tactile_kit.evaluation.intervals import wilson
 
 BASE = EpisodeRow(
-    "a", "tactile", "bps", 0, 8, "cube", 0, 0.0675, 0.0675, 0.0675, 8, "cube", 0.0675, 0.0675, 0.0675, 0, 0, 0, 0.2, 0.1,
-    True, False, "", 100,
+    "a", "tactile", "bps", 0, 8, "cube", 0, 0.0675, 0.0675, 0.0675, 8, "cube", 0.0675, 0.0675, 0.0675, 0, 0, 0,
+    0.2, 0.1, True, False, "", 100,
 )  # fmt: skip
 
 
 def rows(successes: int, total: int, item: int = 8, good: float = 0.2, bad: float = 1.2) -> list[EpisodeRow]:
     return [
-        dataclasses.replace(BASE, object_id=item, episode=i, success=i < successes, theta=good if i < successes else bad)
+        dataclasses.replace(
+            BASE, object_id=item, episode=i, success=i < successes, theta=good if i < successes else bad
+        )
         for i in range(total)
     ]
 

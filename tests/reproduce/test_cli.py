@@ -12,7 +12,10 @@ from reproduce.cli import main
 from reproduce.files import ROOT
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["stage", "--help"], ["train", "--help"], ["evaluate", "--help"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [["--help"], ["run", "--help"], ["stage", "--help"], ["train", "--help"], ["evaluate", "--help"]],
+)
 def test_help_needs_nothing_heavy(arguments):
     code = (
         "import sys\nfrom reproduce.cli import main\n"
@@ -46,6 +49,35 @@ def test_mistakes_end_with_one_line(arguments, words, capsys, tmp_path, monkeypa
 
 
 def test_a_stage_runs_by_hand(tmp_path):
-    assert main(["stage", "table1", "--scale", "smoke", "--out", str(tmp_path), "--agents", str(tmp_path / "none")]) == 0
+    assert (
+        main(
+            [
+                "stage",
+                "table1",
+                "--scale",
+                "smoke",
+                "--out",
+                str(tmp_path),
+                "--agents",
+                str(tmp_path / "none"),
+            ]
+        )
+        == 0
+    )
     assert (tmp_path / "tables" / "table1.tex").read_text().count("missing") == 12
-    assert main(["stage", "evaluate", "a/b", "--scale", "smoke", "--out", str(tmp_path), "--agents", str(tmp_path / "none")]) == 2
+    assert (
+        main(
+            [
+                "stage",
+                "evaluate",
+                "a/b",
+                "--scale",
+                "smoke",
+                "--out",
+                str(tmp_path),
+                "--agents",
+                str(tmp_path / "none"),
+            ]
+        )
+        == 2
+    )

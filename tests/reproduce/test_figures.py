@@ -171,6 +171,7 @@ def test_bad_metrics_are_refused_with_file_and_line(tmp_path, line, word):
 def test_held_out_lines_are_no_training_points(tmp_path):
     path = tmp_path / "metrics.jsonl"
     path.write_text(
-        '{"step": 1, "success": null}\n{"step": 2, "success": 0.5}\n{"step": 2, "evaluation": true, "success_rate": 0.9}\n'
+        '{"step": 1, "success": null}\n{"step": 2, "success": 0.5}\n'
+        '{"step": 2, "evaluation": true, "success_rate": 0.9}\n'
     )
     assert read_curve("run", path) == Curve("run", (2,), (0.5,))

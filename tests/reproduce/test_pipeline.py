@@ -22,13 +22,15 @@ pytestmark = pytest.mark.slow
 
 def command(out: Path, agents: Path, *more: str) -> list[str]:
     return [
-        sys.executable, "-m", "reproduce", "run", "--scale", "smoke", "--from", "pretrained", "--out", str(out), "--agents",
-        str(agents), *more,
+        sys.executable, "-m", "reproduce", "run", "--scale", "smoke", "--from", "pretrained",
+        "--out", str(out), "--agents", str(agents), *more,
     ]  # fmt: skip
 
 
 def run(out: Path, agents: Path, *more: str) -> str:
-    done = subprocess.run(command(out, agents, *more), cwd=ROOT, capture_output=True, text=True, timeout=280, check=False)
+    done = subprocess.run(
+        command(out, agents, *more), cwd=ROOT, capture_output=True, text=True, timeout=280, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -60,16 +62,23 @@ def test_all_once_then_nothing_then_dependants_only(tmp_path):
     # One more learning curve: the figure, the claims and the report depend on it, nothing else.
     curve = agents / "oracle-pos-cube-s0"
     curve.mkdir(parents=True)
-    (curve / "metrics.jsonl").write_text("".join(f'{{"step": {i}, "success": 0.{i}}}\n' for i in range(1, 10)))
+    (curve / "metrics.jsonl").write_text(
+        "".join(f'{{"step": {i}, "success": 0.{i}}}\n' for i in range(1, 10))
+    )
     run(out, agents)
     changed = {name for name, at in stamps(out).items() if first[name] != at}
-    assert changed == {f"figures/learning.{s}" for s in ("svg", "png", "csv")} | {"claims.csv", "report/index.html"}
+    assert changed == {f"figures/learning.{s}" for s in ("svg", "png", "csv")} | {
+        "claims.csv",
+        "report/index.html",
+    }
     assert "nothing to do" in run(out, agents)
 
 
 def test_killed_and_run_again_it_completes(tmp_path):
     out, agents = tmp_path / "out", tmp_path / "agents"
-    process = subprocess.Popen(command(out, agents), cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        command(out, agents), cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     deadline = time.monotonic() + 120
     while not list((out / "tables").glob("*.csv")) and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -87,9 +96,15 @@ def test_a_failing_job_is_named_with_its_log_and_the_rest_is_kept(tmp_path):
     curve = agents / "oracle-pos-cube-s0"
     curve.mkdir(parents=True)
     (curve / "metrics.jsonl").write_text('{"step": 1, "success": 7}\n')
-    done = subprocess.run(command(out, agents), cwd=ROOT, capture_output=True, text=True, timeout=280, check=False)
+    done = subprocess.run(
+        command(out, agents), cwd=ROOT, capture_output=True, text=True, timeout=280, check=False
+    )
     assert done.returncode != 0
-    assert "learning failed" in done.stderr and "metrics.jsonl, line 1" in done.stderr and "allowed" in done.stderr
+    assert (
+        "learning failed" in done.stderr
+        and "metrics.jsonl, line 1" in done.stderr
+        and "allowed" in done.stderr
+    )
     assert "tables/table1.csv" in stamps(out) and "figures/learning.png" not in stamps(out)
     (curve / "metrics.jsonl").write_text('{"step": 1, "success": 0.1}\n{"step": 2, "success": 0.2}\n')
     run(out, agents)
@@ -104,23 +119,31 @@ def test_profiles_are_handed_through(tmp_path):
     assert "done in" in run(out, tmp_path / "agents", "--profile", str(profile), "--jobs", "3")
     (profile / "config.yaml").write_text("executor: no-such-executor\n")
     done = subprocess.run(
-        command(tmp_path / "other", tmp_path / "agents", "--profile", str(profile)), cwd=ROOT, capture_output=True, text=True,
-        timeout=120, check=False,
+        command(tmp_path / "other", tmp_path / "agents", "--profile", str(profile)), cwd=ROOT,
+        capture_output=True, text=True, timeout=120, check=False,
     )  # fmt: skip
     assert done.returncode != 0 and "no-such-executor" in done.stderr
 
 
 def test_two_runs_do_not_share_a_folder(tmp_path):
-    with owner.hold(tmp_path), pytest.raises(BusyError, match=f"held by process {os.getpid()}"), owner.hold(tmp_path):
+    with (
+        owner.hold(tmp_path),
+        pytest.raises(BusyError, match=f"held by process {os.getpid()}"),
+        owner.hold(tmp_path),
+    ):
         pass
     with owner.hold(tmp_path):  # free again
         pass
 
 
 def test_the_lock_of_a_dead_run_is_no_obstacle(tmp_path):
-    code = "import sys, time; from pathlib import Path; from reproduce import owner\n" \
+    code = (
+        "import sys, time; from pathlib import Path; from reproduce import owner\n"
         "with owner.hold(Path(sys.argv[1])): print('held', flush=True); time.sleep(60)"
-    process = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)], cwd=ROOT, stdout=subprocess.PIPE, text=True
+    )
     assert process.stdout.readline().strip() == "held"
     with pytest.raises(BusyError, match=str(process.pid)), owner.hold(tmp_path, patience=0.5):
         pass
