@@ -90,11 +90,11 @@ class World:
         )
         self._mass = max(body.mass + float(physics["object_mass_offset"]), 1e-3)
         self.object = body.create(bullet, self._mass, visible=self.visible)
+        # Damping is the whole hand's; given together with a link's friction, Bullet would drop the friction unsaid.
+        bullet.changeDynamics(self.hand, -1, linearDamping=0, angularDamping=0)
         for link in JOINT_IDS:
             friction = physics["tip_friction"] if link in TIP_LINKS else physics["link_friction"]
-            bullet.changeDynamics(
-                self.hand, link, lateralFriction=friction, linearDamping=0, angularDamping=0
-            )
+            bullet.changeDynamics(self.hand, link, lateralFriction=friction)
         # Bullet multiplies the coefficients of the two bodies: the object's are 1 and the hand's rule.
         bullet.changeDynamics(self.object, -1, lateralFriction=1.0, linearDamping=0, angularDamping=0)
         for link in TIP_LINKS:

@@ -1,0 +1,134 @@
+"""Worker processes: the same results from any number of them, and clear ends when one fails."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import randomization
+from tactile_kit.simulation.config import SimulationConfig
+from tactile_kit.simulation.vector import Blueprint, VectorSimulation, WorkerError
+
+
+@pytest.fixture
+def build(bodies, bank):
+    made = []
+
+    def make(environments: int, workers: int, horizon: int = 4) -> VectorSimulation:
+        blueprint = Blueprint(
+            SimulationConfig(), bodies, bank, randomization.preset("default"), horizon, False
+        )
+        made.append(VectorSimulation(blueprint, environments, workers))
+        views = made[-1].views
+        views["next_variant"][:] = np.arange(environments) % 2
+        views["next_seed"][:] = np.arange(environments)
+        views["next_gravity"][:] = 9.81
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+def children() -> set[int]:
+    return {process.pid for process in multiprocessing.active_children()}
+
+
+@pytest.mark.parametrize("workers", [-1, 4])
+def test_there_are_not_more_workers_than_environments(build, workers: int) -> None:
+    with pytest.raises(ValueError, match="0 to the 3 environments"):
+        build(3, workers)
+    with pytest.raises(ValueError, match="num_envs"):
+        build(0, 0)
+
+
+def test_an_exception_in_a_worker_reaches_the_caller_with_its_traceback(build) -> None:
+    before = children()
+    simulation = build(2, 2)
+    simulation.views["next_variant"][1] = 99
+    with pytest.raises(WorkerError, match=r"(?s)worker 1 failed.*Traceback.*in reset.*IndexError"):
+        simulation.reset()
+    assert children() == before
+    with pytest.raises(WorkerError, match="closed"):
+        simulation.step_async()
+    with pytest.raises(WorkerError, match="closed"):
+        simulation.reset()
+
+
+def test_an_exception_while_workers_start_leaves_none_behind(bodies, bank) -> None:
+    before = children()
+    broken = Blueprint(SimulationConfig(), bodies, bank, "no randomisation", 4, False)
+    with pytest.raises(WorkerError, match=r"(?s)Traceback.*AttributeError"):
+        VectorSimulation(broken, 2, 2)
+    assert children() == before
+
+
+def test_a_dead_worker_is_an_error_and_the_others_end(build) -> None:
+    before = children()
+    simulation = build(2, 2)
+    simulation.reset()
+    ours = sorted(children() - before)
+    assert len(ours) == 2
+    simulation._processes[0].kill()
+    simulation._processes[0].join()
+    with pytest.raises(WorkerError, match="worker 0 died with exit code -9"):
+        simulation.step_async()
+        simulation.step_wait()
+    assert children() == before
+
+
+def test_close_ends_the_workers_and_may_come_twice(build) -> None:
+    before = children()
+    simulation = build(2, 2)
+    simulation.reset()
+    simulation.close()
+    simulation.close()
+    assert children() == before
+
+
+ORPHANS = """
+import os, signal, sys
+import numpy as np
+import object_sets, randomization
+from tactile_kit.simulation.bodies import Body
+from tactile_kit.simulation.config import SimulationConfig
+from tactile_kit.simulation.grasps import grasps_of
+from tactile_kit.simulation.vector import Blueprint, VectorSimulation
+thing = object_sets.load("all")["cube"]
+bank = grasps_of([thing], 2, SimulationConfig())
+blueprint = Blueprint(SimulationConfig(), [Body(thing)], bank, randomization.preset("none"), 4, False)
+simulation = VectorSimulation(blueprint, 1, 1)
+print(simulation._processes[0].pid, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_workers_end_with_a_parent_that_is_killed(bank) -> None:
+    run = subprocess.run(
+        [sys.executable, "-c", ORPHANS], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert run.returncode == -signal.SIGKILL
+    worker, deadline = int(run.stdout.split()[-1]), time.monotonic() + 20
+    while time.monotonic() < deadline:
+        try:
+            os.kill(worker, 0)
+        except ProcessLookupError:
+            return
+        with open(f"/proc/{worker}/stat", encoding="utf-8") as file:
+            if file.read().rsplit(")", 1)[1].split()[0] == "Z":
+                return  # ended; nobody collects it here
+        time.sleep(0.2)
+    pytest.fail(f"worker {worker} is still running")
+
+
+def test_workers_never_import_torch(build) -> None:
+    simulation = build(1, 1)
+    with open(f"/proc/{simulation._processes[0].pid}/maps", encoding="utf-8") as file:
+        assert "libtorch" not in file.read()
