@@ -1,0 +1,82 @@
+"""Reward terms against values worked out by hand (paper, section II-E)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tactile_kit.hand.kinematics import MEAN_GRASP
+from tactile_kit.task.config import RewardConfig
+from tactile_kit.task.reward import reward_terms, rotation_term
+from tactile_kit.task.rotations import exp, octahedral
+
+PAPER = RewardConfig()
+HERE = np.zeros((1, 3))
+
+
+def turned(angle: float) -> np.ndarray:
+    return exp(np.array([[0.0, angle, 0.0]]))
+
+
+def terms(**changes: np.ndarray) -> dict[str, float]:
+    values = {
+        "R_before": turned(1.0),
+        "R": turned(1.0),
+        "goal": turned(0.0),
+        "x_before": HERE,
+        "x": HERE,
+        "x_start": HERE,
+        "q": MEAN_GRASP[None],
+    }
+    return {name: value.item() for name, value in reward_terms(PAPER, **{**values, **changes}).items()}
+
+
+def test_the_papers_coefficients() -> None:
+    assert (PAPER.rotation, PAPER.rotation_clip, PAPER.position, PAPER.posture) == (1.0, 0.1, 8.0, 1 / 6)
+
+
+def test_nothing_happens_nothing_is_paid() -> None:
+    assert terms() == {"rotation": 0, "position": 0, "posture": 0}
+
+
+@pytest.mark.parametrize(
+    ("after", "paid"),
+    [(0.95, 0.05), (0.9, 0.1), (0.5, 0.1), (0.0, 0.1), (1.05, -0.05), (2.0, -1.0)],
+)
+def test_the_angle_gained_is_clipped_from_above_only(after: float, paid: float) -> None:
+    assert terms(R=turned(after))["rotation"] == pytest.approx(paid)
+
+
+def test_the_way_out_costs_what_the_way_back_returns() -> None:
+    near, far = np.array([[0.003, 0.0, 0.004]]), np.array([[0.0, -0.02, 0.0]])  # 5 and 20 mm from the start
+    assert terms(x_before=near, x=far)["position"] == pytest.approx(-8 * 0.015)
+    assert terms(x_before=far, x=near)["position"] == pytest.approx(8 * 0.015)
+    start = np.array([[0.0, 0.0, 0.004]])  # distances count from where the episode began
+    assert terms(x_before=HERE, x=near, x_start=start)["position"] == pytest.approx(-8 * (0.003 - 0.004))
+
+
+def test_posture_is_the_sum_of_fourth_powers() -> None:
+    q = MEAN_GRASP[None].copy()
+    q[0, 0] += 0.5
+    q[0, 7] -= 1.0
+    assert terms(q=q)["posture"] == pytest.approx(-(0.5**4 + 1.0) / 6)
+
+
+def test_coefficients_weigh_their_own_term() -> None:
+    config = RewardConfig(rotation=2, rotation_clip=0.3, position=3, posture=5)
+    x, q = np.array([[0.01, 0, 0]]), MEAN_GRASP[None] + np.eye(12)[:1]
+    found = reward_terms(config, turned(1.0), turned(0.5), turned(0.0), HERE, x, HERE, q)
+    assert {name: value.item() for name, value in found.items()} == pytest.approx(
+        {"rotation": 0.6, "position": -0.03, "posture": -5}
+    )
+
+
+def test_only_the_rotation_term_knows_the_goal() -> None:
+    """Relabelling recomputes it alone, for many goals at once."""
+    goals = octahedral()
+    R_before, R = np.repeat(turned(0.3), 24, 0), np.repeat(turned(0.4), 24, 0)
+    fixed = [np.zeros((24, 3))] * 3 + [np.tile(MEAN_GRASP + 0.1, (24, 1))]
+    found = reward_terms(PAPER, R_before, R, goals, *fixed)
+    assert np.ptp(found["position"]) == np.ptp(found["posture"]) == 0
+    np.testing.assert_array_equal(found["rotation"], rotation_term(PAPER, R_before, R, goals))
+    assert found["rotation"].min() == pytest.approx(-0.1) and found["rotation"].max() == pytest.approx(0.1)
