@@ -63,6 +63,8 @@ def evaluate(
         raise EvaluationError(
             f"sizes = {sizes}; allowed are integers >= 1, and 1 only where scaling is nominal"
         )
+    if goals not in ("octahedral", "so3"):
+        raise EvaluationError(f"goals = {goals!r}; allowed are 'octahedral' and 'so3'")
     if num_envs < 1 or num_workers < 0:
         raise EvaluationError(
             f"num_envs = {num_envs}, num_workers = {num_workers}; allowed are >= 1 and >= 0"
@@ -153,7 +155,10 @@ def evaluation_task(
         "success_angle": SUCCESS_ANGLE,
         "grasps": GRASPS,
     }
-    return type(trained)(**{**trained.model_dump(), **changes})
+    try:
+        return type(trained)(**{**trained.model_dump(), **changes})
+    except ValueError as error:
+        raise EvaluationError(f"the evaluation's task: {' '.join(str(error).split())}") from None
 
 
 def _extents(prefix: str, thing: Any) -> dict[str, Any]:
