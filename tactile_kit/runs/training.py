@@ -141,10 +141,10 @@ def rest_action(env: Any) -> tuple[float, ...] | None:
     """The action that commands the mean grasp, if the environment's actions are absolute joint angles."""
     if getattr(env.config, "action", None) != "absolute":
         return None
-    from tactile_kit.hand.kinematics import JOINT_LOWER, JOINT_UPPER, MEAN_GRASP
+    from tactile_kit.hand.kinematics import FIRM_GRASP, JOINT_LOWER, JOINT_UPPER
 
     middle, half = (JOINT_UPPER + JOINT_LOWER) / 2, (JOINT_UPPER - JOINT_LOWER) / 2
-    return tuple(float(value) for value in (MEAN_GRASP - middle) / half)
+    return tuple(float(value) for value in (FIRM_GRASP - middle) / half)
 
 
 def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
