@@ -115,8 +115,9 @@ class TactileVecEnv(ReorientVecEnv):
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Weights, optimiser, recordings, states and counters as named arrays; the simulation is not in it."""
-        return self.coupling.get_state()
+        return {**super().get_state(), **self.coupling.get_state()}
 
     def set_state(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Inverse of :meth:`get_state`; a ``reset`` afterwards starts new episodes and keeps all that was learned."""
-        self.coupling.set_state(arrays)
+        super().set_state(arrays)
+        self.coupling.set_state({name: array for name, array in arrays.items() if name != "next_episode"})

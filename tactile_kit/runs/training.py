@@ -138,7 +138,7 @@ def make_learner(config: RunConfig, env: Any) -> Any:
 
 
 def rest_action(env: Any) -> tuple[float, ...] | None:
-    """The action that commands the mean grasp, if the environment's actions are absolute joint angles."""
+    """The action that commands a firm grasp, if the environment's actions are absolute joint angles."""
     if getattr(env.config, "action", None) != "absolute":
         return None
     from tactile_kit.hand.kinematics import FIRM_GRASP, JOINT_LOWER, JOINT_UPPER

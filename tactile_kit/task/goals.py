@@ -32,14 +32,14 @@ class EpisodeSpec:
 
 
 def training_episodes(
-    config: TaskConfig, variants: Variants, environment: int, seed: int, environments: int = 1
+    config: TaskConfig, variants: Variants, environment: int, seed: int, environments: int = 1, start: int = 0
 ) -> Iterator[EpisodeSpec]:
     """Endless episodes of ``environment``, one of ``environments``.
 
     Environments share the objects out equally (paper, section II-G): where their number is a multiple of the number of
-    objects each keeps to one object, otherwise they take turns, so that none is left out.
+    objects each keeps to one object, otherwise they take turns, so that none is left out. ``start`` skips so many.
     """
-    number = 0
+    number = start
     while True:
         sizes = variants.of_object((environment + number * environments) % variants.number_of_objects)
         generator = randomization.stream(seed, "episode", environment, number)

@@ -8,12 +8,13 @@ after the other.
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-Array = NDArray[np.floating]
+Array = NDArray[Any]  # of floats
 
 
 def random_rotations(rng: np.random.Generator, count: int) -> Array:

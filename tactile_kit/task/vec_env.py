@@ -128,7 +128,8 @@ class ReorientVecEnv(VecEnv):
         self._listed = None if episodes is None else self._checked(list(episodes))
         self.gravity = config.gravity
         self.simulation = VectorSimulation(core.blueprint, num_envs, num_workers)
-        self._sources = [training_episodes(config, self.variants, i, seed, num_envs) for i in range(num_envs)]
+        self._drawn = np.zeros(num_envs, np.int64)  # training episodes announced so far
+        self._sources = self._training_sources()
         self._spec: dict[int, EpisodeSpec] = {}  # of the present episode of every environment
         self._number = np.full(num_envs, -1)  # place of the present episode in the list, -1: none
         self._theta_min, self._return = np.zeros(num_envs), np.zeros(num_envs)
@@ -169,11 +170,36 @@ class ReorientVecEnv(VecEnv):
         self._queue: Iterator[int] = iter(range(len(self.results)))
         self._next: list[tuple[int, EpisodeSpec]] = [self._draw(i) for i in range(self.num_envs)]
 
+    def _training_sources(self) -> list[Iterator[EpisodeSpec]]:
+        every = self.num_envs
+        return [
+            training_episodes(self.config, self.variants, i, self.seed_value, every, int(self._drawn[i]))
+            for i in range(every)
+        ]
+
+    def get_state(self) -> dict[str, Array]:
+        """What :meth:`set_state` needs to go on with the same training episodes; physics is not in it."""
+        return {"next_episode": self._drawn - 1}
+
+    def set_state(self, arrays: dict[str, Array]) -> None:
+        """Go on with the episodes that were announced when the state was taken, from the next ``reset`` on.
+
+        Raises:
+            ValueError: the state is of another number of environments.
+        """
+        numbers = np.asarray(arrays["next_episode"], np.int64)
+        if numbers.shape != (self.num_envs,):
+            raise ValueError(f"state of {numbers.size} environments: allowed are {self.num_envs}")
+        self._drawn = numbers.copy()
+        self._sources = self._training_sources()
+        self._announce()
+
     def _draw(self, environment: int) -> tuple[int, EpisodeSpec]:
         """The episode after the next in ``environment``, announced to its worker."""
         number = -1
         if self._listed is None:
             spec = next(self._sources[environment])
+            self._drawn[environment] += 1
         else:
             number = next(self._queue, -1)
             # with the list used up, environments idle on a repeat that nobody counts
