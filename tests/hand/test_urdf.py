@@ -18,10 +18,16 @@ def robot() -> ElementTree.Element:
     return ElementTree.fromstring(urdf.hand_urdf())
 
 
+def number(element: ElementTree.Element, path: str, key: str) -> float:
+    found = element.find(path)
+    assert found is not None, path
+    return float(found.attrib[key])
+
+
 def test_sixteen_revolute_joints_with_the_published_limits(robot: ElementTree.Element) -> None:
     joints = robot.findall("joint")
     assert [joint.get("type") for joint in joints] == ["revolute"] * 16
-    limits = np.array([[float(joint.find("limit").get(k)) for k in ("lower", "upper")] for joint in joints])
+    limits = np.array([[number(joint, "limit", key) for key in ("lower", "upper")] for joint in joints])
     np.testing.assert_allclose(limits[0::4], [[-0.5, 0.5]] * 4)
     np.testing.assert_allclose(limits[1::4], [[-0.34, 1.5]] * 4)
     np.testing.assert_allclose(limits[2::4], [[-0.13, 1.7]] * 4)
@@ -29,25 +35,23 @@ def test_sixteen_revolute_joints_with_the_published_limits(robot: ElementTree.El
 
 
 def test_masses_and_geometry(robot: ElementTree.Element) -> None:
-    masses = {
-        link.get("name"): float(link.find("inertial/mass").get("value")) for link in robot.findall("link")
-    }
+    masses = {link.get("name"): number(link, "inertial/mass", "value") for link in robot.findall("link")}
     assert masses.pop("palm") == pytest.approx(0.4)
     assert masses["f3_flexion"] == 0.1 and masses["f3_middle"] == 0.075 and masses["f3_distal"] == 0.025
     palm, *links = robot.findall("link")
     assert palm.find("collision") is None
     for link, part in zip(links, LINKS, strict=True):
-        shape = link.find("collision/geometry/capsule")
+        path = "collision/geometry/capsule"
         if part is None:
-            assert shape is None
+            assert link.find(path) is None
         else:
-            assert float(shape.get("radius")) == part.capsule.radius
-            assert float(shape.get("length")) == pytest.approx(part.capsule.end - part.capsule.start)
+            assert number(link, path, "radius") == part.capsule.radius
+            assert number(link, path, "length") == pytest.approx(part.capsule.end - part.capsule.start)
 
 
 def test_no_inertia_is_one_that_no_body_has(robot: ElementTree.Element) -> None:
-    for element in robot.iter("inertia"):
-        principal = np.sort([float(element.get(key)) for key in ("ixx", "iyy", "izz")])
+    for link in robot.findall("link"):
+        principal = np.sort([number(link, "inertial/inertia", key) for key in ("ixx", "iyy", "izz")])
         assert principal[0] > 0 and principal[0] + principal[1] >= principal[2]
 
 

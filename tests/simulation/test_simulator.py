@@ -156,12 +156,12 @@ def test_disturbances_change_the_course(build) -> None:
 
 def test_disturbances_are_redrawn_every_half_second(build) -> None:
     simulator = build(randomization.preset("default"), horizon=20)
-    felt = []
+    rows: list[tuple] = []
     world = simulator.world
-    world.disturb = lambda force, torque: felt.append((*force, *torque))  # type: ignore[method-assign]
+    world.disturb = lambda force, torque: rows.append((*force, *torque))  # type: ignore[method-assign]
     for _ in range(20):
         simulator.step(hold(simulator))
-    felt = np.array(felt)
+    felt = np.array(rows)
     np.testing.assert_allclose(np.linalg.norm(felt[:, :3], axis=1), 0.04)
     np.testing.assert_allclose(np.linalg.norm(felt[:, 3:], axis=1), 2e-3)
     changes = np.flatnonzero(np.abs(np.diff(felt, axis=0)).max(1) > 0) + 1

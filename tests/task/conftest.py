@@ -50,7 +50,7 @@ def play() -> Callable[..., list]:
     """Steps an environment with fixed actions; returns what each step gave."""
 
     def run(env: ReorientVecEnv, steps: int, seed: int = 0) -> list:
-        rows = [env.reset()]
+        rows: list[Any] = [env.reset()]
         rng = np.random.default_rng(seed)
         for _ in range(steps):
             env.step_async(rng.uniform(-0.6, 0.2, (env.num_envs, 12)).astype(np.float32))

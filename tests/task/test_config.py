@@ -36,7 +36,7 @@ def test_wrong_settings_are_named(settings: dict, message: str) -> None:
 def test_settings_are_frozen_and_come_back_from_plain_data() -> None:
     config = TaskConfig(objects="cube", reward={"position": 4.0}, simulation={"steps_per_second": 240})
     with pytest.raises(ValidationError):
-        config.horizon = 3
+        config.horizon = 3  # type: ignore[misc]
     assert TaskConfig(**config.model_dump(mode="json")) == config
 
 

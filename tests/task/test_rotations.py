@@ -138,7 +138,7 @@ def test_the_octahedral_group() -> None:
 
 
 def test_random_rotations_are_uniform() -> None:
-    """Haar measure: the angle has density (1 - cos) / pi, columns are uniform on the sphere, turning changes nothing."""
+    """Haar measure: the angle has density (1 - cos) / pi, columns are uniform on the sphere, a turn changes nothing."""
     R = random_rotations(np.random.default_rng(0), 20000)
     np.testing.assert_allclose(R @ np.swapaxes(R, 1, 2), np.broadcast_to(np.eye(3), R.shape), atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(R), 1)
