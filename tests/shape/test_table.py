@@ -130,5 +130,5 @@ def test_thousand_variants_build_fast() -> None:
     start = time.perf_counter()
     table = MeshTable.from_meshes(meshes)
     assert len(table) == 1024
-    # generous: shared and slow machines; measured in benchmarks/bps.py
+    # generous: shared and slow machines; measured in benchmarks/bench_bps.py
     assert time.perf_counter() - start < 60
