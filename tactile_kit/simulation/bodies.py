@@ -36,7 +36,9 @@ def _write_once(path: Path, text: str) -> Path:
 def hand_file() -> Path:
     """The hand's URDF in the cache, named by its content."""
     text = hand_urdf()
-    return _write_once(cache_directory() / f"hand-{hashlib.sha256(text.encode()).hexdigest()[:16]}.urdf", text)
+    return _write_once(
+        cache_directory() / f"hand-{hashlib.sha256(text.encode()).hexdigest()[:16]}.urdf", text
+    )
 
 
 def _obj_text(parts: tuple[np.ndarray, ...]) -> str:
