@@ -46,7 +46,10 @@ class Agent:
 
     @torch.no_grad()
     def act(
-        self, observations: NDArray[np.float32], deterministic: bool = True, rng: np.random.Generator | None = None
+        self,
+        observations: NDArray[np.float32],
+        deterministic: bool = True,
+        rng: np.random.Generator | None = None,
     ) -> NDArray[np.float32]:
         """Actions ``(B, 12) float32`` in [-1, 1] for observations ``(B, D) float32``.
 
@@ -63,7 +66,9 @@ class Agent:
             noise = torch.from_numpy(
                 rng.standard_normal((len(observations), self.manifest.network.actions), dtype=np.float32)
             )
-        return self.policy.act(torch.from_numpy(np.ascontiguousarray(observations, np.float32)), noise).numpy()
+        return self.policy.act(
+            torch.from_numpy(np.ascontiguousarray(observations, np.float32)), noise
+        ).numpy()
 
     def make_env(
         self,
@@ -79,7 +84,9 @@ class Agent:
         if self.kind == "oracle":
             from tactile_kit.task.vec_env import ReorientVecEnv
 
-            return ReorientVecEnv(config, num_envs=num_envs, num_workers=num_workers, seed=seed, episodes=episodes)
+            return ReorientVecEnv(
+                config, num_envs=num_envs, num_workers=num_workers, seed=seed, episodes=episodes
+            )
         from tactile_kit.ecrl import TactileVecEnv
 
         return TactileVecEnv(
@@ -109,7 +116,11 @@ def load_agent(directory: str | Path) -> Agent:
         raise AgentError(f"{directory / 'agent.json'}: task: {problem}") from None
     layout = InputLayout.of_encoding(manifest.layout, encoding_class(manifest.encoding))
     policy = build_policy(layout, manifest.network)
-    fill(policy, read_tensors(directory / "policy.safetensors", manifest.weights["policy.safetensors"]), directory)
+    fill(
+        policy,
+        read_tensors(directory / "policy.safetensors", manifest.weights["policy.safetensors"]),
+        directory,
+    )
     estimator = None
     if manifest.kind == "tactile":
         estimator = load_estimator(directory, manifest)

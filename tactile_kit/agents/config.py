@@ -38,7 +38,9 @@ class PPOConfig(Settings):
     critic_coefficient: PositiveFloat = 4.0
     weight_decay: float = Field(1e-5, ge=0)
     max_gradient_norm: PositiveFloat = Field(1.0, description="Own choice.")
-    log_std: float = Field(-0.5, description="Initial log sigma of the actions, state-independent (own choice).")
+    log_std: float = Field(
+        -0.5, description="Initial log sigma of the actions, state-independent (own choice)."
+    )
     bounded_mean: bool = Field(False, description="The mean passes a tanh, as a warm start from SAC needs.")
     actor: NetworkConfig = NetworkConfig()
     critic: NetworkConfig = NetworkConfig()
@@ -68,9 +70,13 @@ class SACConfig(Settings):
     entropy_learning_rate: PositiveFloat = 1e-3
     target_entropy: float = -6.0
     initial_temperature: PositiveFloat = 0.02
-    log_std: float = Field(-1.5, description="Initial log sigma before the squashing: the target entropy's, roughly.")
+    log_std: float = Field(
+        -1.5, description="Initial log sigma before the squashing: the target entropy's, roughly."
+    )
     actor_every: PositiveInt = Field(1, description="Critic updates an actor update.")
-    random_goals: float = Field(0.25, ge=0, le=1, description="Share of each batch given random goals on SO(3).")
+    random_goals: float = Field(
+        0.25, ge=0, le=1, description="Share of each batch given random goals on SO(3)."
+    )
     future_goals: float = Field(0.25, ge=0, le=1, description="Share given orientations reached later.")
     future_steps: PositiveInt = Field(50, description="At most so many steps later.")
     actor: NetworkConfig = NetworkConfig(hidden=(256, 256), activation="relu", dense=False)

@@ -49,7 +49,9 @@ def sync_directory(path: Path) -> None:
 
 def tensor_bytes(tensors: Mapping[str, Tensor]) -> bytes:
     """Tensors in safetensors form; shared storage is written once for each name."""
-    return safetensors.torch.save({name: tensor.detach().clone().contiguous() for name, tensor in tensors.items()})
+    return safetensors.torch.save(
+        {name: tensor.detach().clone().contiguous() for name, tensor in tensors.items()}
+    )
 
 
 def json_bytes(value: Any) -> bytes:

@@ -38,7 +38,9 @@ class Manifest(BaseModel):
     algorithm: Literal["ppo", "sac"]
     steps: int = Field(ge=0, description="Environment steps trained, in this run.")
     hours: float = Field(ge=0, description="Wall time trained, in this run.")
-    warm_start: dict[str, Any] | None = Field(None, description="Where the weights came from, with its steps.")
+    warm_start: dict[str, Any] | None = Field(
+        None, description="Where the weights came from, with its steps."
+    )
     layout: tuple[tuple[str, int], ...]
     task: dict[str, Any]
     network: PolicyNetwork

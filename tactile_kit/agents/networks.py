@@ -149,10 +149,14 @@ class ObservationFeatures(BaseFeaturesExtractor):
         norm: the shared statistics; None makes new ones.
     """
 
-    def __init__(self, observation_space: spaces.Space, layout: InputLayout, norm: RunningNorm | None = None) -> None:
+    def __init__(
+        self, observation_space: spaces.Space, layout: InputLayout, norm: RunningNorm | None = None
+    ) -> None:
         super().__init__(observation_space, layout.features_size)
         if observation_space.shape != (layout.size,):
-            raise ValueError(f"observation space {observation_space.shape} is not the layout's ({layout.size},)")
+            raise ValueError(
+                f"observation space {observation_space.shape} is not the layout's ({layout.size},)"
+            )
         pooled = layout.shape_slice if layout.shape_layer is not None else None
         self.norm = norm if norm is not None else RunningNorm(layout.size, pooled)
         self.shape = layout.shape_layer() if layout.shape_layer is not None else None
@@ -288,7 +292,9 @@ class CriticEnsemble(nn.Module):
     needs no product with the features'. Weights are ``(n, out, in)``.
     """
 
-    def __init__(self, features: ObservationFeatures, actions: int, config: NetworkConfig, critics: int = 2) -> None:
+    def __init__(
+        self, features: ObservationFeatures, actions: int, config: NetworkConfig, critics: int = 2
+    ) -> None:
         super().__init__()
         if config.dense:
             raise ValueError("critic.dense: the critics of SAC have no D2RL form; set it to false")
@@ -303,7 +309,9 @@ class CriticEnsemble(nn.Module):
             self.weights.append(nn.Parameter(torch.empty(critics, after, before).uniform_(-bound, bound)))
             self.biases.append(nn.Parameter(torch.empty(critics, 1, after).uniform_(-bound, bound)))
         bound = (inputs + actions) ** -0.5
-        self.action_weights = nn.Parameter(torch.empty(critics, config.hidden[0], actions).uniform_(-bound, bound))
+        self.action_weights = nn.Parameter(
+            torch.empty(critics, config.hidden[0], actions).uniform_(-bound, bound)
+        )
         self.gains, self.offsets = nn.ParameterList(), nn.ParameterList()
         if config.layer_norm:
             for width in config.hidden:
@@ -317,7 +325,10 @@ class CriticEnsemble(nn.Module):
         for index in range(1, len(self.weights)):
             if len(self.gains):
                 # in the precision of the products: a mixed one would copy back and forth
-                gain, offset = self.gains[index - 1].to(hidden.dtype), self.offsets[index - 1].to(hidden.dtype)
+                gain, offset = (
+                    self.gains[index - 1].to(hidden.dtype),
+                    self.offsets[index - 1].to(hidden.dtype),
+                )
                 hidden = torch.addcmul(offset, F.layer_norm(hidden, hidden.shape[-1:]), gain)
             hidden = self.activation(hidden)
             hidden = torch.baddbmm(self.biases[index], hidden, self.weights[index].transpose(1, 2))

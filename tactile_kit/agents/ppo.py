@@ -69,7 +69,12 @@ class PPO(stable_baselines3.PPO):
     policy: HandActorCriticPolicy  # type: ignore[assignment]
 
     def __init__(
-        self, env: VecEnv, config: PPOConfig | None = None, *, seed: int = 0, rest: tuple[float, ...] | None = None
+        self,
+        env: VecEnv,
+        config: PPOConfig | None = None,
+        *,
+        seed: int = 0,
+        rest: tuple[float, ...] | None = None,
     ) -> None:
         self.config = config = config or PPOConfig()
         transitions = config.rollout * env.num_envs
@@ -149,7 +154,9 @@ class PPO(stable_baselines3.PPO):
         if cut:
             terminal = np.stack([infos[i]["terminal_observation"] for i in cut]).astype(np.float32)
             with torch.no_grad():
-                rewards[cut] += self.gamma * self.policy.predict_values(torch.from_numpy(terminal)).squeeze(1).numpy()
+                rewards[cut] += (
+                    self.gamma * self.policy.predict_values(torch.from_numpy(terminal)).squeeze(1).numpy()
+                )
         return rewards
 
     def iterate(self, callback: BaseCallback) -> bool:
@@ -172,7 +179,9 @@ class PPO(stable_baselines3.PPO):
         parameters = [p for group in optimizer.param_groups for p in group["params"]]
         with torch.no_grad():
             old_log_std = actor.log_std.clone()
-            old_means = torch.cat([actor.moments(actor.features.embed(part))[0] for part in inputs.split(2**14)])
+            old_means = torch.cat(
+                [actor.moments(actor.features.embed(part))[0] for part in inputs.split(2**14)]
+            )
         batches = max(len(inputs) // self.batch_size, 1)
         for _ in range(config.epochs):
             for chosen in np.array_split(self.order.permutation(len(inputs)), batches):
@@ -194,13 +203,17 @@ class PPO(stable_baselines3.PPO):
                 torch.nn.utils.clip_grad_norm_(parameters, config.max_gradient_norm)
                 with torch.no_grad():
                     divergence = gaussian_divergence(mean, log_std, old_means[at], old_log_std)
-                self.rate = adapted_rate(self.rate, float(divergence), config.kl_threshold, config.learning_rate_bounds)
+                self.rate = adapted_rate(
+                    self.rate, float(divergence), config.kl_threshold, config.learning_rate_bounds
+                )
                 for group in optimizer.param_groups:
                     group["lr"] = self.rate
                 optimizer.step()
                 self._n_updates += 1
                 fraction = ((ratio - 1.0).abs() > config.clip).float().mean()
-                self._means.add(policy_loss=policy_loss, value_loss=value_loss, divergence=divergence, clipped=fraction)
+                self._means.add(
+                    policy_loss=policy_loss, value_loss=value_loss, divergence=divergence, clipped=fraction
+                )
         explained = 1.0 - (returns - _flat(buffer.values)).var() / returns.var().clamp_min(1e-12)
         self._means.add(explained_variance=explained, sigma=actor.log_std.exp().mean(), value=returns.mean())
         self.policy.norm.update(observations)

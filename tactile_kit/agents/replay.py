@@ -51,7 +51,9 @@ def rotation_reward(before, after, goal, weight: float, clip: float):
 
 def goal_term(goal, belief):
     """The observation's goal: 6-D form of the rotation left to do, goal @ belief^T, ``(B, 6)``."""
-    return np.concatenate([(goal @ belief[:, 0, :, None])[..., 0], (goal @ belief[:, 1, :, None])[..., 0]], axis=1)
+    return np.concatenate(
+        [(goal @ belief[:, 0, :, None])[..., 0], (goal @ belief[:, 1, :, None])[..., 0]], axis=1
+    )
 
 
 class GoalReplay(BaseBuffer):
@@ -91,7 +93,9 @@ class GoalReplay(BaseBuffer):
         if optimize_memory_usage:
             raise ValueError("optimize_memory_usage: GoalReplay stores next observations; it must be False")
         if random_goals + future_goals > 1:
-            raise ValueError(f"random_goals + future_goals = {random_goals + future_goals}, allowed at most 1")
+            raise ValueError(
+                f"random_goals + future_goals = {random_goals + future_goals}, allowed at most 1"
+            )
         if goal.stop - goal.start != 6:
             raise ValueError(f"goal slice {goal} has {goal.stop - goal.start} entries, needs 6")
         rows = self.rows = max(buffer_size // n_envs, 2)
@@ -111,7 +115,9 @@ class GoalReplay(BaseBuffer):
         self.done = np.zeros((rows, n_envs), bool)
         self.episodes = np.zeros((rows, n_envs), np.int64)  # a counter an environment
         self.times = np.full(rows, -1, np.int64)  # vector steps ever added when the row was written
-        self._last_time = np.zeros((rows, n_envs), np.int64)  # last vector step of an episode, at its counter % rows
+        self._last_time = np.zeros(
+            (rows, n_envs), np.int64
+        )  # last vector step of an episode, at its counter % rows
         self._episode = np.zeros(n_envs, np.int64)
         self._time = 0
 
@@ -231,7 +237,9 @@ class GoalReplay(BaseBuffer):
         """Inverse of :meth:`arrays`; raises ValueError naming the entry whose shape or type does not fit."""
         pos, full, time, rows, envs = (int(value) for value in state["counters"])
         if (rows, envs) != (self.rows, self.n_envs):
-            raise ValueError(f"replay of {rows} x {envs} transitions, this one holds {self.rows} x {self.n_envs}")
+            raise ValueError(
+                f"replay of {rows} x {envs} transitions, this one holds {self.rows} x {self.n_envs}"
+            )
         filled = rows if full else pos
         for name in self._ROWS:
             target = getattr(self, name)

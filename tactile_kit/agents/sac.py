@@ -49,7 +49,12 @@ class SAC(stable_baselines3.SAC):
     replay_buffer: GoalReplay  # type: ignore[assignment]
 
     def __init__(
-        self, env: VecEnv, config: SACConfig | None = None, *, seed: int = 0, rest: tuple[float, ...] | None = None
+        self,
+        env: VecEnv,
+        config: SACConfig | None = None,
+        *,
+        seed: int = 0,
+        rest: tuple[float, ...] | None = None,
     ) -> None:
         self.config = config = config or SACConfig()
         self.input_layout = layout = InputLayout.of_env(env)
@@ -166,7 +171,9 @@ class SAC(stable_baselines3.SAC):
             with torch.autocast("cpu", torch.bfloat16, enabled=config.bfloat16):
                 with torch.no_grad():
                     action, density = actor.squashed_sample(actor.features.embed(following), noise[0])
-                    value = target.embed(target.features.embed(following), action).amin(0) - temperature * density
+                    value = (
+                        target.embed(target.features.embed(following), action).amin(0) - temperature * density
+                    )
                     wanted = batch.rewards + (1.0 - batch.terminated) * config.gamma * value
                 values = critic.embed(critic.features.embed(now), batch.actions)
                 critic_loss = 0.5 * (values - wanted).square().mean(1).sum()

@@ -58,7 +58,9 @@ def transplant(
             if "shape" in changed and ".shape." in name:
                 given = None
             elif _reads_features(name, given, target, old.features_size, new.features_size):
-                head = given.shape[-1] - old.features_size  # columns before the features: hidden units, actions
+                head = (
+                    given.shape[-1] - old.features_size
+                )  # columns before the features: hidden units, actions
                 fresh = torch.zeros_like(target)
                 fresh[..., :head] = given[..., :head]
                 for a, b in inputs:
@@ -119,7 +121,9 @@ def _warm_estimator(cell: nn.Module, directory: Path, manifest: Manifest) -> lis
         return ["estimator"]
     source = load_estimator(directory, manifest).state_dict()
     state = cell.state_dict()
-    if {name: tensor.shape for name, tensor in source.items()} != {name: t.shape for name, t in state.items()}:
+    if {name: tensor.shape for name, tensor in source.items()} != {
+        name: t.shape for name, t in state.items()
+    }:
         return ["estimator"]
     cell.load_state_dict(source)
     return []

@@ -101,7 +101,9 @@ def load(path: Path) -> Checkpoint:
     """One checkpoint, all digests checked; raises CheckpointError naming file and reason."""
     body = read_json(path / "state.json", CheckpointError)
     if body.get("schema") != SCHEMA:
-        raise CheckpointError(f"{path / 'state.json'}: schema {body.get('schema')!r}, this version reads {SCHEMA}")
+        raise CheckpointError(
+            f"{path / 'state.json'}: schema {body.get('schema')!r}, this version reads {SCHEMA}"
+        )
     if body.get("digest") != _body_digest({key: value for key, value in body.items() if key != "digest"}):
         raise CheckpointError(f"{path / 'state.json'}: does not match its own digest")
     files = body["files"]

@@ -66,7 +66,9 @@ class RunConfig(Settings):
     num_workers: PositiveInt = 1
     threads: PositiveInt = Field(1, description="Torch threads of the learner.")
     matmul_precision: Literal["highest", "high", "medium"] = "medium"
-    start_at_grasp: bool = Field(True, description="An untrained policy commands a firm grasp, not mid-range.")
+    start_at_grasp: bool = Field(
+        True, description="An untrained policy commands a firm grasp, not mid-range."
+    )
     log_every: PositiveInt = Field(10_000, description="Environment steps between lines of metrics.jsonl.")
     warm_start: str | None = Field(None, description="Agent directory whose weights to start from.")
     task: TaskConfig = TaskConfig()
@@ -131,7 +133,9 @@ class RunConfig(Settings):
                 tree = merge(tree, _lift(nested))
             return cls(**tree)
         except ValidationError as problem:
-            raise ConfigError(f"{source}: " + "; ".join(_explain(cls, error) for error in problem.errors())) from None
+            raise ConfigError(
+                f"{source}: " + "; ".join(_explain(cls, error) for error in problem.errors())
+            ) from None
         except (TypeError, ValueError) as problem:
             raise ConfigError(f"{source}: {problem}") from None
 

@@ -75,7 +75,12 @@ class Tracker(BaseCallback):
     def state(self) -> dict[str, Any]:
         """JSON values for a checkpoint."""
         windows = {name: list(values) for name, values in self.window.items()}
-        return {"episodes": self.episodes, "window": windows, "terms": self._terms, "term_steps": self._term_steps}
+        return {
+            "episodes": self.episodes,
+            "window": windows,
+            "terms": self._terms,
+            "term_steps": self._term_steps,
+        }
 
     def restore(self, state: dict[str, Any]) -> None:
         """Inverse of :meth:`state`."""

@@ -89,7 +89,11 @@ class Run:
         except (KeyError, ValueError, RuntimeError) as problem:
             raise CheckpointError(f"{saved.path}: does not fit this run: {problem}") from problem
         torch.set_rng_state(torch.tensor(values["torch_rng"], dtype=torch.uint8))
-        self.hours, self.warm_start, self.evaluation = values["hours"], values["warm_start"], values["evaluation"]
+        self.hours, self.warm_start, self.evaluation = (
+            values["hours"],
+            values["warm_start"],
+            values["evaluation"],
+        )
         self.line, self.logged = values["line"], values["logged"]
 
     def apply_gravity(self) -> None:

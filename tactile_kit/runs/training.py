@@ -62,7 +62,9 @@ def train(
                 return directory
         torch.set_num_threads(config.threads)
         torch.set_float32_matmul_precision(config.matmul_precision)
-        torch.manual_seed(derive(config.seed, "learner", "default"))  # nothing should draw from it, but then it repeats
+        torch.manual_seed(
+            derive(config.seed, "learner", "default")
+        )  # nothing should draw from it, but then it repeats
         write_atomically(directory / "config.yaml", config.to_yaml().encode())
         _write_record(directory, resumed=saved)
         progress = Progress(config.steps, saved.step if saved else 0, directory.name, quiet)
@@ -74,7 +76,9 @@ def train(
             if saved is not None:
                 run.restore(saved)
                 if saved.replay is None and config.algorithm == "sac":
-                    progress.say("the checkpoint holds no replay memory: collecting anew, not an exact continuation")
+                    progress.say(
+                        "the checkpoint holds no replay memory: collecting anew, not an exact continuation"
+                    )
             elif config.warm_start:
                 from tactile_kit.agents.warm_start import warm_start
 
@@ -112,7 +116,9 @@ def default_env(config: RunConfig) -> Any:
     if config.kind == "oracle":
         from tactile_kit.task.vec_env import ReorientVecEnv
 
-        return ReorientVecEnv(config.task, num_envs=config.num_envs, num_workers=config.num_workers, seed=seed)
+        return ReorientVecEnv(
+            config.task, num_envs=config.num_envs, num_workers=config.num_workers, seed=seed
+        )
     from tactile_kit.ecrl import TactileVecEnv
 
     return TactileVecEnv(
@@ -238,7 +244,9 @@ def _evaluate(run: Run, metrics: MetricsFile, progress: Progress) -> float:
 
 def _check_resume(config: RunConfig, saved: checkpoints.Checkpoint, directory: Path, resume: bool) -> None:
     if not resume:
-        raise ConfigError(f"{directory}: holds a run at {saved.step:,} steps; resume it or choose another directory")
+        raise ConfigError(
+            f"{directory}: holds a run at {saved.step:,} steps; resume it or choose another directory"
+        )
     lines = differences(saved.values["config"], config.to_dict())
     found = versions()
     lines += [

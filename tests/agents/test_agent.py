@@ -156,7 +156,9 @@ def test_warm_start_with_more_terms_acts_as_its_source(tmp_path: Path, algorithm
     record = warm_start(learner, tmp_path, "none")
     assert record["steps"] == source.num_timesteps and record["as_initialised"] == []
     observations = some(source)
-    wider = np.concatenate([observations, np.random.default_rng(1).normal(size=(20, 2)) * 9], 1).astype(np.float32)
+    wider = np.concatenate([observations, np.random.default_rng(1).normal(size=(20, 2)) * 9], 1).astype(
+        np.float32
+    )
     wanted, _ = source.predict(observations, deterministic=True)
     got, _ = learner.predict(wider, deterministic=True)
     np.testing.assert_allclose(got, wanted, atol=1e-6)

@@ -80,9 +80,7 @@ def test_d2rl_against_a_loop_by_hand() -> None:
     torch.manual_seed(0)
     net, x = Perceptron(5, NetworkConfig(hidden=(7, 6))), torch.randn(3, 5)
     first = torch.nn.functional.elu(x @ net.layers[0].weight.T + net.layers[0].bias)
-    second = torch.nn.functional.elu(
-        torch.cat([first, x], 1) @ net.layers[1].weight.T + net.layers[1].bias
-    )
+    second = torch.nn.functional.elu(torch.cat([first, x], 1) @ net.layers[1].weight.T + net.layers[1].bias)
     torch.testing.assert_close(net(x), second)
 
 
@@ -147,7 +145,10 @@ def test_critics_equal_separate_networks() -> None:
             hidden = hidden @ weight.T + ensemble.biases[layer][index]
             if layer < 2:
                 hidden = torch.nn.functional.layer_norm(
-                    hidden, hidden.shape[-1:], ensemble.gains[layer][index, 0], ensemble.offsets[layer][index, 0]
+                    hidden,
+                    hidden.shape[-1:],
+                    ensemble.gains[layer][index, 0],
+                    ensemble.offsets[layer][index, 0],
                 )
                 hidden = torch.relu(hidden)
         torch.testing.assert_close(value, hidden)
@@ -156,8 +157,17 @@ def test_critics_equal_separate_networks() -> None:
 def test_presets() -> None:
     paper = PPOConfig.preset("paper")
     assert (paper.minibatch, paper.kl_threshold, paper.clip, paper.entropy) == (2**15, 0.016, 0.2, 1e-3)
-    assert (paper.gamma, paper.gae_lambda, paper.critic_coefficient, paper.weight_decay) == (0.99, 0.95, 4.0, 1e-5)
-    assert paper.actor == paper.critic == NetworkConfig(hidden=(512, 512, 256, 128), activation="elu", dense=True)
+    assert (paper.gamma, paper.gae_lambda, paper.critic_coefficient, paper.weight_decay) == (
+        0.99,
+        0.95,
+        4.0,
+        1e-5,
+    )
+    assert (
+        paper.actor
+        == paper.critic
+        == NetworkConfig(hidden=(512, 512, 256, 128), activation="elu", dense=True)
+    )
     sac = SACConfig.preset("small")
     assert (sac.gamma, sac.batch, sac.target_entropy) == (0.95, 512, -6.0)
     assert sac.critic.layer_norm and sac.critic.hidden == (256, 256)

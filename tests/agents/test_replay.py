@@ -90,7 +90,9 @@ def test_random_goals_are_what_the_task_would_have_computed() -> None:
     np.testing.assert_array_equal(batch.observations[:, rest], memory.observations[row, column][:, rest])
 
 
-@pytest.mark.parametrize(("capacity", "steps"), [(4000, 90), (30 * 8, 103)], ids=["growing", "wrapped around"])
+@pytest.mark.parametrize(
+    ("capacity", "steps"), [(4000, 90), (30 * 8, 103)], ids=["growing", "wrapped around"]
+)
 def test_future_goals_come_from_later_in_the_same_episode(capacity: int, steps: int) -> None:
     memory, _, log = filled(steps, capacity, random_goals=0.0, future_goals=1.0, future_steps=5)
     memory.goals[:] = 0
@@ -101,12 +103,11 @@ def test_future_goals_come_from_later_in_the_same_episode(capacity: int, steps: 
         found = memory._later(row, column)
         for i in range(64):
             now = memory.times[row[i]]
-            ends = [
-                t for t in range(now, steps) if (log[t][2].terminated | log[t][2].truncated)[column[i]]
-            ]
+            ends = [t for t in range(now, steps) if (log[t][2].terminated | log[t][2].truncated)[column[i]]]
             last = min(ends[0] if ends else steps - 1, now + 4)
             angles = [
-                rotations.geodesic(log[t][2].R[column[i]].astype(np.float32), found[i]) for t in range(now, last + 1)
+                rotations.geodesic(log[t][2].R[column[i]].astype(np.float32), found[i])
+                for t in range(now, last + 1)
             ]
             assert min(angles) < 1e-3
             lags.append(int(np.argmin(angles)))

@@ -70,7 +70,16 @@ def test_a_run_leaves_an_agent_and_its_history(tmp_path: Path, algorithm: str) -
     assert RunConfig.from_yaml(tmp_path / "config.yaml") == settings(algorithm, 1024)
     lines = read_metrics(tmp_path)
     assert [line["step"] for line in lines] == [256, 512, 768, 1024]
-    for key in ("hours", "success", "theta", "drops", "reward", "steps_per_second", "gravity", "reward_rotation"):
+    for key in (
+        "hours",
+        "success",
+        "theta",
+        "drops",
+        "reward",
+        "steps_per_second",
+        "gravity",
+        "reward_rotation",
+    ):
         assert all(key in line for line in lines)
     assert lines[0]["gravity"] < lines[-1]["gravity"] < 9.81
     agent = load_agent(tmp_path)
@@ -110,7 +119,9 @@ def test_resumed_equals_uninterrupted(tmp_path: Path, algorithm: str, half: int)
             assert line.get(key) == lines[step].get(key), (step, key)
     third = settings(algorithm, 2 * half, seed=1)
     train(third, tmp_path / "c", make_env=toy, quiet=True)
-    assert (tmp_path / "a/policy.safetensors").read_bytes() != (tmp_path / "c/policy.safetensors").read_bytes()
+    assert (tmp_path / "a/policy.safetensors").read_bytes() != (
+        tmp_path / "c/policy.safetensors"
+    ).read_bytes()
 
 
 def spawn(directory: Path, algorithm: str, steps: int) -> subprocess.Popen:
@@ -190,7 +201,9 @@ def test_a_second_job_is_refused_while_the_first_lives(tmp_path: Path) -> None:
         pass
 
 
-@pytest.mark.parametrize("damage", ["truncated tensors", "no json", "json cut", "json changed", "replay", "empty"])
+@pytest.mark.parametrize(
+    "damage", ["truncated tensors", "no json", "json cut", "json changed", "replay", "empty"]
+)
 def test_a_damaged_checkpoint_falls_back_to_the_one_before(
     tmp_path: Path, damage: str, capsys: pytest.CaptureFixture
 ) -> None:
@@ -229,7 +242,9 @@ def test_all_checkpoints_damaged_is_an_error_not_a_fresh_start(tmp_path: Path) -
         run(tmp_path, "sac", 1600)
 
 
-def test_other_settings_or_versions_are_refused_readably(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_other_settings_or_versions_are_refused_readably(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     run(tmp_path, "sac", 480)
     with pytest.raises(ConfigError, match=r"num_envs: 8 -> 16\n.*sac\.gamma: 0\.95 -> 0\.9"):
         run(tmp_path, "sac", 960, num_envs=16, **{"sac.gamma": 0.9})
@@ -240,7 +255,9 @@ def test_other_settings_or_versions_are_refused_readably(tmp_path: Path, monkeyp
         run(tmp_path, "sac", 960)
 
 
-def test_without_the_replay_memory_a_run_still_continues(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_without_the_replay_memory_a_run_still_continues(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
     run(tmp_path, "sac", 480, **{"checkpoint.replay": False})
     assert not list(tmp_path.rglob("replay-*"))
     train(settings("sac", 960, **{"checkpoint.replay": False}), tmp_path, make_env=toy)

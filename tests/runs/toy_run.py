@@ -17,7 +17,11 @@ EVERY = {"sac": 480, "ppo": 512}  # steps between checkpoints
 def settings(algorithm: str, steps: int, **changes) -> RunConfig:
     tiny = {"hidden": (24, 16)}
     learner = {"actor": tiny, "critic": tiny}
-    learner |= {"capacity": 800, "batch": 32, "warmup": 64} if algorithm == "sac" else {"rollout": 16, "minibatch": 64}
+    learner |= (
+        {"capacity": 800, "batch": 32, "warmup": 64}
+        if algorithm == "sac"
+        else {"rollout": 16, "minibatch": 64}
+    )
     base = {
         "encoding": "none",
         "steps": steps,
