@@ -41,8 +41,9 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
                 axes.fill_between(steps, low, high, color=colour, alpha=0.18, linewidth=0)
         axes.set_title(panel["title"])
         axes.set_xlabel("environment steps")
-        axes.set_ylim(0, 1)
+        axes.set_ylim(-0.02, 1)  # a line at zero must not hide behind the axis
         axes.set_xlim(0, longest or 1)
+        axes.locator_params(axis="x", nbins=5)
         axes.xaxis.set_major_formatter(lambda value, _: short(int(value)))
         if missing and len(missing) == len(CURVES[objects]):
             say_missing(axes, "missing: no run of this object set\n(" + ", ".join(missing) + ")")
