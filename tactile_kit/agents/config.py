@@ -73,6 +73,12 @@ class SACConfig(Settings):
     log_std: float = Field(
         -1.5, description="Initial log sigma before the squashing: the target entropy's, roughly."
     )
+    anchor: float = Field(
+        0.0, ge=0, description="Weight of the squared distance from the rest action, at first."
+    )
+    anchor_steps: int = Field(
+        0, ge=0, description="Environment steps over which the anchor's weight falls to 0."
+    )
     actor_every: PositiveInt = Field(1, description="Critic updates an actor update.")
     random_goals: float = Field(
         0.25, ge=0, le=1, description="Share of each batch given random goals on SO(3)."

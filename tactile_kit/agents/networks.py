@@ -254,7 +254,11 @@ class GaussianPolicy(nn.Module):
 
     def squashed_sample(self, features: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
         """Reparametrised squashed action ``(B, A)`` and its log density ``(B,)`` for standard normal noise."""
-        mean, log_std = self.moments(features)
+        return self.squash(*self.moments(features), noise)
+
+    @staticmethod
+    def squash(mean: Tensor, log_std: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
+        """:meth:`squashed_sample` from the moments ``(B, A)`` before squashing."""
         raw = mean + log_std.exp() * noise
         normal = -0.5 * noise.square() - log_std - 0.918938533204673  # log sqrt(2 pi)
         # log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2u)), stable for large u

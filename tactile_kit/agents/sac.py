@@ -59,6 +59,7 @@ class SAC(stable_baselines3.SAC):
         self.config = config = config or SACConfig()
         self.input_layout = layout = InputLayout.of_env(env)
         self.noise = torch.Generator().manual_seed(derive(seed, "learner", "noise"))
+        self._rest = None if rest is None else torch.tensor(rest, dtype=torch.float32)
         self._debt = 0.0  # gradient steps owed, for fractional ratios
         self._means = Means()
         replay: dict[str, Any] = {
@@ -151,6 +152,13 @@ class SAC(stable_baselines3.SAC):
         assert self.env is not None
         return self.collect_rollouts(self.env, callback).continue_training
 
+    @property
+    def anchor(self) -> float:
+        """Present weight of the distance from the rest action in the actor's loss."""
+        if self._rest is None or self.num_timesteps >= self.config.anchor_steps:
+            return 0.0
+        return self.config.anchor * (1.0 - self.num_timesteps / self.config.anchor_steps)
+
     # ---- learning ----------------------------------------------------------------------------------------------------
     def train(self, gradient_steps: int, batch_size: int | None = None) -> None:
         """``gradient_steps`` updates of critics, actor, temperature and targets."""
@@ -192,9 +200,13 @@ class SAC(stable_baselines3.SAC):
         for parameter in critic_parameters:  # no gradients for weights that this loss does not move
             parameter.requires_grad_(False)
         with torch.autocast("cpu", torch.bfloat16, enabled=self.config.bfloat16):
-            action, density = actor.squashed_sample(actor.features.embed(now), noise)
+            mean, log_std = actor.moments(actor.features.embed(now))
+            action, density = actor.squash(mean, log_std, noise)
             value = critic.embed(critic.features.embed(now), action).amin(0)
             actor_loss = (temperature * density - value).mean()
+            if self.anchor > 0:
+                # Critics know little beyond the first, holding policy: let the actor leave it only as fast as they learn.
+                actor_loss = actor_loss + self.anchor * (torch.tanh(mean) - self._rest).square().sum(1).mean()
         self.actor.optimizer.zero_grad()
         actor_loss.backward()
         self.actor.optimizer.step()
