@@ -58,6 +58,7 @@ bench: setup  ## measure speed (peers: make bench after .venv/bin/pip install -c
 
 docs: setup  ## the pages that are made from data
 	$(BIN)/python -m randomization.table docs/randomization.md
+	$(BIN)/python -m reproduce.readme README.md results
 
 clean:  ## remove caches and what builds leave behind (not .venv, not results)
 	rm -rf .cache .pytest_cache .hypothesis .snakemake .coverage build dist *.egg-info

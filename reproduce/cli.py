@@ -145,6 +145,32 @@ def evaluate(
     return 0
 
 
+@app.command
+def film(
+    agent: Annotated[Path, arg(metavar="DIR")],
+    out: Annotated[Path, arg(metavar="FILE")],
+    objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "l_shape",
+    episodes: int = 1,
+    seed: int = 0,
+    size: int = 320,
+) -> int:
+    """Film an agent turning objects; the inset shows the goal.
+
+    Args:
+        agent: The agent's directory.
+        out: The film to write, .gif or .mp4.
+        objects: Object sets, names or ids, separated by commas; episodes take them in turn.
+        episodes: How many episodes.
+        seed: Of grasps, goals and physics.
+        size: Edge of the picture in pixels, a multiple of 16.
+    """
+    from tactile_kit.evaluation.film import film as write_film
+
+    pictures = write_film(agent, out, objects=objects, episodes=episodes, seed=seed, size=size)
+    print(f"{out}: {pictures} pictures")
+    return 0
+
+
 def main(args: list[str] | None = None) -> int:
     """Entry point; returns the exit status. Errors of the project end with one line, not with a traceback."""
     try:

@@ -205,7 +205,7 @@ class SAC(stable_baselines3.SAC):
             value = critic.embed(critic.features.embed(now), action).amin(0)
             actor_loss = (temperature * density - value).mean()
             if self.anchor > 0:
-                # Critics know little beyond the first, holding policy: let the actor leave it only as fast as they learn.
+                # critics know little beyond the first, holding policy: the actor leaves it only as fast as they learn
                 actor_loss = actor_loss + self.anchor * (torch.tanh(mean) - self._rest).square().sum(1).mean()
         self.actor.optimizer.zero_grad()
         actor_loss.backward()

@@ -1,0 +1,89 @@
+"""Writes the README's block of results from the tables: ``python -m reproduce.readme README.md results``."""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from reproduce.errors import ReproduceError
+from reproduce.files import write_atomic
+
+BEGIN = "<!-- results: written by `make docs` from results/, not by hand -->"
+END = "<!-- /results -->"
+
+
+def _read(path: Path) -> list[dict[str, str]]:
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            return list(csv.DictReader(file))
+    except FileNotFoundError:
+        raise ReproduceError(f"{path}: not there; make it with `make reproduce`") from None
+
+
+def _steps(text: str) -> str:
+    """``250000`` as ``250 k steps``."""
+    if not text.isdigit():
+        return text or "missing"
+    steps = int(text)
+    return f"{steps / 1e6:.3g} M steps" if steps >= 1e6 else f"{steps / 1e3:.3g} k steps"
+
+
+def _rate(cell: dict[str, str]) -> str:
+    paper = f"paper {float(cell['paper']):.2f}"
+    if cell["status"] != "measured":
+        return f"missing ({paper})"
+    ours, low, high = (float(cell[name]) for name in ("ours", "low", "high"))
+    return f"**{ours:.2f}** [{low:.2f}, {high:.2f}] ({paper})"
+
+
+def block(results: Path) -> str:
+    """The markdown between the README's markers, from ``tables/table1.csv`` and ``claims.csv``."""
+    cells = _read(results / "tables" / "table1.csv")
+    rows = list(dict.fromkeys(cell["row"] for cell in cells))
+    columns = list(dict.fromkeys(cell["column"] for cell in cells))
+    place = {(cell["row"], cell["column"]): cell for cell in cells}
+    trained = [_steps(place[rows[0], column]["steps_trained"]) for column in columns]
+    lines = [
+        "Table I, success rate (final angle below 0.4 rad after 10 s, drops fail), ours with its 95 % interval",
+        "beside the paper's. **The shipped agents are barely trained**: the paper's saw 4096 environments for hours",
+        "on a GPU, ours the steps of the last row on two CPU cores. So the numbers say how far these agents are, not",
+        "how far the method goes.",
+        "",
+        "| objects | " + " | ".join(columns) + " |",
+        "|---|" + "---|" * len(columns),
+    ]
+    for row in rows:
+        lines.append(f"| {row} | " + " | ".join(_rate(place[row, column]) for column in columns) + " |")
+    counts = [sum(int(place[row, column]["n"]) for row in rows) for column in columns]
+    lines.append("| episodes | " + " | ".join(map(str, counts)) + " |")
+    lines.append("| trained for | " + " | ".join(trained) + " |")
+    verdicts = [claim["verdict"] for claim in _read(results / "claims.csv")]
+    tally = ", ".join(f"{verdicts.count(name)} {name}" for name in dict.fromkeys(verdicts))
+    lines += [
+        "",
+        f"Of the paper's {len(verdicts)} claims: {tally}. Each with its figures: `results/claims.csv` and the report.",
+    ]
+    return "\n".join(lines)
+
+
+def write(readme: Path, results: Path) -> None:
+    """Replace the block in ``readme``. Raises ReproduceError where the markers are missing."""
+    text = readme.read_text(encoding="utf-8")
+    if text.count(BEGIN) != 1 or text.count(END) != 1:
+        raise ReproduceError(f"{readme}: needs the lines {BEGIN!r} and {END!r} once each")
+    before, _, rest = text.partition(BEGIN)
+    after = rest.partition(END)[2]
+    write_atomic(readme, f"{before}{BEGIN}\n{block(results)}\n{END}{after}")
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """``README.md results``."""
+    readme, results = map(Path, sys.argv[1:] if args is None else args)
+    write(readme, results)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
