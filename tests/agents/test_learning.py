@@ -187,3 +187,31 @@ def test_divergence_of_learning_is_an_error() -> None:
     sac.train(1)
     with pytest.raises(FloatingPointError, match="learning diverged"):
         sac.metrics()
+
+
+def test_anchor_holds_the_actor_at_rest_and_lets_go() -> None:
+    """Distance of the mode from the rest action after the same updates, with a heavy anchor, with none, and past it."""
+    rest = (0.3, -0.2, 0.1) * 4
+    distances = []
+    for anchor, steps in ((100.0, 10**9), (0.0, 0), (100.0, 1)):
+        settings = SAC_TOY.model_copy(update={"anchor": anchor, "anchor_steps": steps})
+        env = ToyEnv(16, seed=1)
+        learner = SAC(env, settings, seed=0, rest=rest)
+        run(learner, 80)
+        mode = learner.actor.network.act(torch.from_numpy(np.array(env.reset(), dtype=np.float32)))
+        distances.append(float((mode.detach() - torch.tensor(rest)).abs().mean()))
+    held, free, released = distances
+    assert held < 0.2 * free
+    assert released == pytest.approx(free)
+
+
+def test_anchor_falls_to_zero() -> None:
+    learner = SAC(
+        ToyEnv(16, seed=1),
+        SAC_TOY.model_copy(update={"anchor": 0.5, "anchor_steps": 100}),
+        rest=(0.0,) * 12,
+    )
+    weights = []
+    for learner.num_timesteps in (0, 50, 100, 200):
+        weights.append(learner.anchor)
+    assert weights == [0.5, 0.25, 0.0, 0.0]
