@@ -70,8 +70,8 @@ MIDDLE_LENGTH = 0.040
 JOINT_LOWER = np.tile([-0.5, -0.34, -0.13], FINGERS)
 JOINT_UPPER = np.tile([0.5, 1.5, 1.7], FINGERS)
 MEAN_GRASP = np.deg2rad([22.0, 3, 15, 0, 16, 14, 0, 29, 21, -2, 13, 6])  # q̄0
-# A command beyond the object's surface. Held for 5 s with 0.15 of the range as noise it keeps all 32 of 32 random
-# objects and sizes of Geometric 8, the mean grasp (plus 0.1 on q3) 15 of 32.
+# A command beyond the object's surface. Held for 5 s with 0.15 of the range as noise it keeps 31 of 32 random
+# objects and sizes of Geometric 8, the mean grasp (plus 0.1 on q3) 8 of 32.
 FIRM_GRASP = MEAN_GRASP + np.tile([0.0, 0.35, 0.35], FINGERS)
 
 
