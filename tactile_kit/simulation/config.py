@@ -23,7 +23,7 @@ class SimulationConfig(BaseModel):
     solver_iterations: int = Field(
         default=100, ge=4, le=500, description="most iterations of Bullet's constraint solver a physics step"
     )
-    # A held cube creeps 7 mm/s with 20 iterations, 2.8 with 50 and 0.3 with 100 and this residual (medians of 12 grasps),
+    # A held cube creeps 7 mm/s with 20 iterations, 2.8 with 50, 0.3 with 100 and this residual (medians of 12 grasps),
     # at little more cost than 50, since most steps end early.
     solver_residual: float = Field(
         default=0.01, ge=0, le=1, description="residual at which the solver stops before the last iteration"
