@@ -1,7 +1,8 @@
 """tactile-kit: purely tactile, shape-conditioned in-hand manipulation, reproducible on a plain CPU.
 
 ``gymnasium.make("tactile_kit/Reorient-v0")``, ``tactile_kit.make_vec``, ``tactile_kit.load_agent`` and
-``tactile_kit.evaluate`` are the ways in; nothing heavy is imported before one of them is used.
+``tactile_kit.evaluate`` are the ways in; nothing heavier than Gymnasium is imported before one
+of them is used.
 """
 
 from __future__ import annotations
@@ -29,9 +30,12 @@ def __getattr__(name: str) -> Any:
 
 
 def register() -> None:
-    """Tell Gymnasium of the environment; also done through the package's entry point."""
+    """Tell Gymnasium of the environment; importing the package has done it already."""
     import gymnasium
 
     if ENVIRONMENT not in gymnasium.registry:
         # the task ends its episodes itself, at the horizon
         gymnasium.register(ENVIRONMENT, entry_point="tactile_kit.task.env:ReorientEnv")
+
+
+register()
