@@ -7,7 +7,7 @@ Results don't depend on the number of workers.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -45,11 +45,6 @@ class State:
     given: Array
     variant: Array
     elapsed: Array
-
-    def take(self, other: State, mask: Array) -> None:
-        """Overwrite the environments of ``mask`` by those of ``other``."""
-        for field in fields(self):
-            getattr(self, field.name)[mask] = getattr(other, field.name)[mask]
 
 
 @dataclass
