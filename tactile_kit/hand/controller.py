@@ -5,7 +5,7 @@ would be unstable on these light links. The damping torque is therefore the one 
 
     tau = K (q_d - q) - M (M + dt D + dt² K)⁻¹ (D + dt K) q̇,
 
-with the mass matrix M taken once, at the mean grasp. The stiffness term is *not* scaled: a finger that rests against
+with the mass matrix M of the driven joints taken once, at the mean grasp (the tendon makes q4 a part of q3). The stiffness term is *not* scaled: a finger that rests against
 the object pushes with exactly K (q_d - q), whatever the step. (Scaling both terms, as a fully implicit law would, makes
 the force on a resting contact shrink with the step: to a tenth at 1/240 s and a fortieth at 1/60 s for q3.) The
 stiffness term is stable as long as dt² K stays below twice the smallest eigenvalue of the inertia, which the drives'
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_kit.hand import kinematics
-from tactile_kit.hand.urdf import ABDUCTION_INERTIA, ARMATURE
+from tactile_kit.hand.urdf import ABDUCTION_INERTIA, ARMATURE, TENDON_INERTIA
 
 Array = NDArray[np.float64]
 
@@ -49,18 +49,18 @@ def _finger_blocks(matrix: Array) -> Array:
 
 
 @functools.cache
-def controller_mass_matrix() -> Array:
+def finger_mass_matrices() -> Array:
     """Mass matrix a finger at the mean grasp, ``(4, 4, 4)`` kg m², with what the URDF adds for the drives."""
     blocks = _finger_blocks(kinematics.mass_matrix(kinematics.MEAN_GRASP))
-    blocks[:, 0, 0] += ABDUCTION_INERTIA + 3 * ARMATURE  # abduction turns all driven links
-    for link in (1, 2):  # q2 also turns what q3 drives
-        blocks[:, 1 : link + 1, 1 : link + 1] += ARMATURE
+    blocks[:, 0, 0] += ABDUCTION_INERTIA + 3 * ARMATURE + TENDON_INERTIA  # abduction turns all links
+    for link, inertia in ((1, ARMATURE), (2, ARMATURE), (3, TENDON_INERTIA)):  # a joint turns all that hangs on it
+        blocks[:, 1 : link + 1, 1 : link + 1] += inertia
     return blocks
 
 
 @functools.cache
 def gravity_torques(gravity: float) -> Array:
-    """Torques ``(16,)`` Nm that carry the fingers' weight at the mean grasp, for ``gravity`` in m/s²."""
+    """Torques ``(16,)`` Nm that carry each link's weight at the mean grasp, for ``gravity`` in m/s²."""
     frames = kinematics.link_frames(kinematics.MEAN_GRASP)
     torques = np.zeros(kinematics.ALL_JOINTS)
     for finger in range(kinematics.FINGERS):
@@ -77,17 +77,15 @@ def gravity_torques(gravity: float) -> Array:
 @numba.njit(cache=True)
 def _torques(q, dq, command, stiffness, damping, limit, feedforward, out):
     for f in range(4):
-        for i in range(4):
-            out[4 * f + i] = feedforward[4 * f + i]
-            for j in range(4):
-                out[4 * f + i] -= damping[f, i, j] * dq[4 * f + j]
-        for j in range(3):
-            error = command[3 * f + j] - q[4 * f + j]
-            out[4 * f + j] += stiffness * min(max(error, -limit), limit)
+        for i in range(3):
+            error = command[3 * f + i] - q[4 * f + i]
+            out[f, i] = feedforward[f, i] + stiffness * min(max(error, -limit), limit)
+            for j in range(3):
+                out[f, i] -= damping[f, i, j] * dq[4 * f + j]
 
 
 class ImpedanceController:
-    """Torques for all 16 joints from a command for the 12 driven ones.
+    """Torques for the 12 driven joints.
 
     Args:
         impedance: gains.
@@ -98,20 +96,19 @@ class ImpedanceController:
     def __init__(self, impedance: Impedance, step: float, gravity: float = 9.81) -> None:
         self.impedance, self.step = impedance, step
         self._stiffness = impedance.stiffness * impedance.ratio
-        driven = np.diag([1.0, 1.0, 1.0, 0.0])
-        drag = driven * (impedance.damping * impedance.ratio + step * self._stiffness)
-        mass = controller_mass_matrix()
+        drag = np.eye(kinematics.DRIVEN) * (impedance.damping * impedance.ratio + step * self._stiffness)
+        mass = kinematics.TENDON.T @ finger_mass_matrices() @ kinematics.TENDON
         self._damping = np.ascontiguousarray(mass @ np.linalg.inv(mass + step * drag) @ drag)
         self._limit = TORQUE_LIMIT / self._stiffness
         self.compensate(gravity)
-        self._out = np.empty(kinematics.ALL_JOINTS)
+        self._out = np.empty((kinematics.FINGERS, kinematics.DRIVEN))
 
     def compensate(self, gravity: float) -> None:
         """Carry the fingers' weight under ``gravity`` m/s² from now on."""
-        self._feedforward = gravity_torques(gravity)
+        self._feedforward = gravity_torques(gravity).reshape(kinematics.FINGERS, 4) @ kinematics.TENDON
 
     def torques(self, q: Array, dq: Array, command: Array) -> Array:
-        """Joint torques ``(16,)`` Nm for angles and speeds ``(16,)`` and filtered command ``(12,)`` rad.
+        """Torques ``(4 fingers, 3)`` Nm for angles and speeds ``(16,)`` and filtered command ``(12,)`` rad.
 
         The returned array is overwritten by the next call.
         """

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from object_sets import Object
+from tactile_kit.hand.kinematics import FINGERS
 from tactile_kit.hand.urdf import hand_urdf
 from tactile_kit.task.rotations import to_quaternion
 
@@ -33,12 +34,15 @@ def _write_once(path: Path, text: str) -> Path:
     return path
 
 
-def hand_file() -> Path:
-    """The hand's URDF in the cache, named by its content."""
-    text = hand_urdf()
-    return _write_once(
-        cache_directory() / f"hand-{hashlib.sha256(text.encode()).hexdigest()[:16]}.urdf", text
-    )
+def finger_files() -> list[Path]:
+    """URDFs of the single fingers in the cache, named by their content."""
+    texts = [hand_urdf([finger]) for finger in range(FINGERS)]
+    return [
+        _write_once(
+            cache_directory() / "hand" / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.urdf", text
+        )
+        for text in texts
+    ]
 
 
 def _obj_text(parts: tuple[np.ndarray, ...]) -> str:

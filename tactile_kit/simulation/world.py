@@ -12,20 +12,19 @@ import pybullet
 from numpy.typing import NDArray
 
 from tactile_kit.hand import kinematics
-from tactile_kit.hand.controller import TORQUE_LIMIT, CommandFilter, Impedance, ImpedanceController
-from tactile_kit.simulation.bodies import Body, hand_file
+from tactile_kit.hand.controller import CommandFilter, Impedance, ImpedanceController
+from tactile_kit.simulation.bodies import Body, finger_files
 from tactile_kit.simulation.client import Client
 from tactile_kit.simulation.config import SAMPLES, SimulationConfig
 from tactile_kit.task.rotations import from_quaternion, to_quaternion
 
 Array = NDArray[np.float64]
-JOINT_IDS = list(range(kinematics.ALL_JOINTS))
-DRIVEN_IDS = kinematics.DRIVEN_INDEX.tolist()
-PASSIVE_IDS = kinematics.PASSIVE_INDEX.tolist()
-# Each passive joint follows its q3 through a motor without play; the tendon carries what the drive can.
-PASSIVE_FORCES = [TORQUE_LIMIT] * kinematics.FINGERS
-PASSIVE_GAINS = [1.0] * kinematics.FINGERS  # the lag behind q3 is made good within a step
-TIP_LINKS = kinematics.PASSIVE_INDEX.tolist()
+# The fingers share only the fixed palm. As four bodies of four joints instead of one of sixteen every row of the
+# contact solver is a quarter as long: the same motion for half the time.
+FINGER_JOINTS = list(range(4))
+DRIVES, TIP = FINGER_JOINTS[:3], 3
+TENDON_FORCE = 100.0  # N m, no limit: the tendon holds whatever the drive can bring about
+TENDON_STIFFNESS = 0.5  # share of a lag between q3 and q4 that a physics step makes good
 MAX_JOINT_SPEED = 60.0  # rad/s; ten times what the controller's torque limit can bring about in free air
 _ORIENTATION = to_quaternion(kinematics.HAND_ROTATION).tolist()
 
@@ -54,13 +53,14 @@ class World:
     Attributes:
         q, e: measured joint angles and control errors of the last control step, ``(6, 12)`` rad, oldest first.
         position, rotation: of the object's canonical frame, ``(3,)`` m and ``(3, 3)``, world frame.
-        joints: true joint angles ``(16,)`` rad.
+        joints, speeds: true joint angles and speeds ``(16,)`` rad, rad/s.
+        fingers, object: Bullet's numbers of the bodies.
     """
 
     def __init__(self, config: SimulationConfig, visible: bool = False) -> None:
         self.config, self.visible = config, visible
         self.bullet = Client()
-        self._hand_file = str(hand_file())
+        self._files = [str(path) for path in finger_files()]
         self._filter = CommandFilter(config.filter_time_constant, config.time_step)
         self.q, self.e = np.zeros((SAMPLES, kinematics.JOINTS)), np.zeros((SAMPLES, kinematics.JOINTS))
         self.position, self.rotation = np.zeros(3), np.eye(3)
@@ -83,37 +83,54 @@ class World:
             numSubSteps=0,
             deterministicOverlappingPairs=1,
         )
-        flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_SELF_COLLISION
-        flags |= pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_ALL_PARENTS
-        self.hand = bullet.loadURDF(
-            self._hand_file, kinematics.HAND_POSITION.tolist(), _ORIENTATION, useFixedBase=True, flags=flags
-        )
         self._mass = max(body.mass + float(physics["object_mass_offset"]), 1e-3)
+        self.fingers = [self._load_finger(finger) for finger in range(kinematics.FINGERS)]
         self.object = body.create(bullet, self._mass, visible=self.visible)
-        # Damping is the whole hand's; given together with a link's friction, Bullet would drop the friction unsaid.
-        bullet.changeDynamics(self.hand, -1, linearDamping=0, angularDamping=0)
-        for link in JOINT_IDS:
-            friction = physics["tip_friction"] if link in TIP_LINKS else physics["link_friction"]
-            bullet.changeDynamics(self.hand, link, lateralFriction=friction)
         # Bullet multiplies the coefficients of the two bodies: the object's are 1 and the hand's rule.
         bullet.changeDynamics(self.object, -1, lateralFriction=1.0, linearDamping=0, angularDamping=0)
-        for link in TIP_LINKS:
-            bullet.changeDynamics(self.hand, link, spinningFriction=physics["spinning_friction"])
-        bullet.setJointMotorControlArray(
-            self.hand,
-            DRIVEN_IDS,
-            pybullet.VELOCITY_CONTROL,
-            forces=np.asarray(physics["stick_friction"]).tolist(),
-        )  # a velocity motor at rest is Coulomb friction
         impedance = Impedance(physics["kp"], physics["kd"], physics["series_stiffness"])
         self.controller = ImpedanceController(impedance, self.config.time_step, self.physics["gravity"])
         self._offset = np.asarray(physics["joint_offset"], dtype=np.float64)
         self.disturb(np.zeros(3), np.zeros(3))
 
+    def _load_finger(self, number: int) -> int:
+        bullet, physics = self.bullet, self.physics
+        flags = pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_SELF_COLLISION
+        flags |= pybullet.URDF_USE_SELF_COLLISION_EXCLUDE_ALL_PARENTS
+        finger = bullet.loadURDF(
+            self._files[number],
+            kinematics.HAND_POSITION.tolist(),
+            _ORIENTATION,
+            useFixedBase=True,
+            flags=flags,
+        )
+        # Damping is the whole finger's; given together with a link's friction, Bullet would drop the friction unsaid.
+        bullet.changeDynamics(finger, -1, linearDamping=0, angularDamping=0)
+        for link in DRIVES:
+            bullet.changeDynamics(finger, link, lateralFriction=physics["link_friction"])
+        bullet.changeDynamics(
+            finger,
+            TIP,
+            lateralFriction=physics["tip_friction"],
+            spinningFriction=physics["spinning_friction"],
+        )
+        stick = np.asarray(physics["stick_friction"])[3 * number : 3 * number + 3]
+        # a velocity motor at rest is Coulomb friction; the tip has none of its own
+        bullet.setJointMotorControlArray(
+            finger, FINGER_JOINTS, pybullet.VELOCITY_CONTROL, forces=[*stick.tolist(), 0.0]
+        )
+        tendon = bullet.createConstraint(
+            finger, DRIVES[-1], finger, TIP, pybullet.JOINT_GEAR, [0, 0, 1], [0, 0, 0], [0, 0, 0]
+        )
+        bullet.changeConstraint(
+            tendon, gearRatio=-1, maxForce=TENDON_FORCE, erp=TENDON_STIFFNESS, relativePositionTarget=0
+        )
+        return finger
+
     def place(self, grasp: Grasp) -> None:
         """Put hand and object into ``grasp``, at rest."""
         for joint, angle in enumerate(grasp.joints.tolist()):
-            self.bullet.resetJointState(self.hand, joint, angle)
+            self.bullet.resetJointState(self.fingers[joint // 4], joint % 4, angle)
         position, rotation = self.body.to_bullet(grasp.position, grasp.rotation)
         self.bullet.resetBasePositionAndOrientation(
             self.object, position.tolist(), to_quaternion(rotation).tolist()
@@ -144,23 +161,14 @@ class World:
         Raises:
             PhysicsFault: the state is not finite or impossibly fast.
         """
-        bullet, hand, controller = self.bullet, self.hand, self.controller
+        bullet, controller = self.bullet, self.controller
         for sample in range(SAMPLES):
             for _ in range(self.config.steps_per_sample):
                 # the encoders' offset shifts what the controller holds
                 command = self._filter.update(target)
-                torques = controller.torques(self.joints, self.speeds, command - self._offset)
-                bullet.setJointMotorControlArray(
-                    hand, JOINT_IDS, pybullet.TORQUE_CONTROL, forces=torques.tolist()
-                )
-                bullet.setJointMotorControlArray(
-                    hand,
-                    PASSIVE_IDS,
-                    pybullet.POSITION_CONTROL,
-                    targetPositions=self.joints[2::4].tolist(),
-                    positionGains=PASSIVE_GAINS,
-                    forces=PASSIVE_FORCES,
-                )
+                torques = controller.torques(self.joints, self.speeds, command - self._offset).tolist()
+                for finger, forces in zip(self.fingers, torques, strict=True):
+                    bullet.setJointMotorControlArray(finger, DRIVES, pybullet.TORQUE_CONTROL, forces=forces)
                 if self._torque is not None:
                     bullet.applyExternalTorque(self.object, -1, self._torque, pybullet.WORLD_FRAME)
                 bullet.stepSimulation()
@@ -177,8 +185,15 @@ class World:
         return self._filter.value
 
     def _read_joints(self) -> None:
-        states = np.array([state[:2] for state in self.bullet.getJointStates(self.hand, JOINT_IDS)])
+        read = self.bullet.getJointStates
+        states = np.array([state[:2] for finger in self.fingers for state in read(finger, FINGER_JOINTS)])
         self.joints, self.speeds = states.T.copy()
+
+    def contacts(self, other: int) -> list[tuple[Any, ...]]:
+        """Bullet's contact points between any finger and the body ``other``, as of the last physics step."""
+        return [
+            point for finger in self.fingers for point in self.bullet.getContactPoints(finger, other)
+        ]
 
     def _read_object(self) -> None:
         position, quaternion = self.bullet.getBasePositionAndOrientation(self.object)

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from tactile_kit.hand import kinematics
-from tactile_kit.hand.controller import controller_mass_matrix
+from tactile_kit.hand.controller import finger_mass_matrices
 from tactile_kit.hand.kinematics import DISTAL, MIDDLE, PROXIMAL
 from tactile_kit.task.rotations import from_quaternion, geodesic
 
@@ -104,7 +104,7 @@ def test_mass_matrix_is_bullets_but_for_the_drives(loaded) -> None:
 def test_controllers_mass_matrix_is_bullets(loaded) -> None:
     client, body = loaded
     bullets = np.array(client.calculateMassMatrix(body, kinematics.expand(kinematics.MEAN_GRASP).tolist()))
-    blocks = controller_mass_matrix()
+    blocks = finger_mass_matrices()
     for finger in range(4):
         own = slice(4 * finger, 4 * finger + 4)
         np.testing.assert_allclose(blocks[finger], bullets[own, own], atol=1e-9)

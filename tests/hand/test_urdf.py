@@ -63,7 +63,7 @@ def test_bullet_takes_the_inertias_from_the_file(loaded) -> None:
             assert info[0] == pytest.approx(urdf.ABDUCTION_MASS)
             continue
         centre, inertia = kinematics.capsule_inertia(link)
-        drive = urdf.ARMATURE * (link is not DISTAL)
+        drive = urdf.TENDON_INERTIA if link is DISTAL else urdf.ARMATURE
         assert info[0] == pytest.approx(link.mass)
         np.testing.assert_allclose(info[3], centre, atol=1e-9)
         np.testing.assert_allclose(np.sort(info[2]), np.sort(np.diag(inertia) + drive), rtol=1e-6)

@@ -76,8 +76,9 @@ def free_hand(make_world, bodies, physics) -> Callable[..., World]:
         world.load(bodies[0], {**physics, **changes})
         world.place(Grasp(kinematics.expand(joints), joints, AWAY, np.eye(3)))
         if not touch:
-            for link in range(kinematics.ALL_JOINTS):
-                world.bullet.setCollisionFilterGroupMask(world.hand, link, 0, 0)
+            for finger in world.fingers:
+                for link in range(4):
+                    world.bullet.setCollisionFilterGroupMask(finger, link, 0, 0)
         return world
 
     return make

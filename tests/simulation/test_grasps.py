@@ -24,9 +24,7 @@ def test_every_grasp_of_the_bank_holds_for_a_second(bank, bodies, make_world, ph
                 world.step(grasp.command)
             assert np.linalg.norm(world.position - grasp.position) < 5e-3
             assert geodesic(world.rotation, grasp.rotation) < 0.15
-            touching = {
-                contact[3] // 4 for contact in world.bullet.getContactPoints(world.hand, world.object)
-            }
+            touching = {contact[1] for contact in world.contacts(world.object)}
             assert len(touching) >= 2  # fingers at the object
 
 

@@ -186,9 +186,10 @@ def test_an_encoder_offset_moves_the_joint_but_not_what_is_measured(free_hand) -
 def test_tips_hold_what_links_let_slip(make_world, bodies, physics) -> None:
     world = make_world()
     world.load(bodies[0], {**physics, "tip_friction": 0.85, "link_friction": 0.09, "spinning_friction": 1e-3})
-    for link in (n for n in range(16) if n % 4):  # the first of each finger has no geometry
-        info = world.bullet.getDynamicsInfo(world.hand, link)
-        tip = link % 4 == 3
-        assert info[1] == pytest.approx(0.85 if tip else 0.09)
-        assert info[7] == pytest.approx(1e-3 if tip else 0.0)
+    for finger in world.fingers:
+        for link in (1, 2, 3):  # the first has no geometry
+            info = world.bullet.getDynamicsInfo(finger, link)
+            tip = link == 3
+            assert info[1] == pytest.approx(0.85 if tip else 0.09)
+            assert info[7] == pytest.approx(1e-3 if tip else 0.0)
     assert world.bullet.getDynamicsInfo(world.object, -1)[1] == 1.0
