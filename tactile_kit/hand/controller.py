@@ -5,9 +5,10 @@ would be unstable on these light links. The damping torque is therefore the one 
 
     tau = K (q_d - q) - M (M + dt D + dt² K)⁻¹ (D + dt K) q̇,
 
-with the mass matrix M of the driven joints taken once, at the mean grasp (the tendon makes q4 a part of q3). The stiffness term is *not* scaled: a finger that rests against
-the object pushes with exactly K (q_d - q), whatever the step. (Scaling both terms, as a fully implicit law would, makes
-the force on a resting contact shrink with the step: to a tenth at 1/240 s and a fortieth at 1/60 s for q3.) The
+with the mass matrix M of the driven joints taken once, at the mean grasp (the tendon makes q4 a part of q3). The
+stiffness term is *not* scaled: a finger that rests against the object pushes with exactly K (q_d - q), whatever the
+step. (Scaling both terms, as a fully implicit law would, makes the force on a resting contact shrink with the step: to
+a tenth at 1/240 s and a fortieth at 1/60 s for q3.) The
 stiffness term is stable as long as dt² K stays below twice the smallest eigenvalue of the inertia, which the drives'
 reflected inertia ensures.
 """
@@ -53,7 +54,11 @@ def finger_mass_matrices() -> Array:
     """Mass matrix a finger at the mean grasp, ``(4, 4, 4)`` kg m², with what the URDF adds for the drives."""
     blocks = _finger_blocks(kinematics.mass_matrix(kinematics.MEAN_GRASP))
     blocks[:, 0, 0] += ABDUCTION_INERTIA + 3 * ARMATURE + TENDON_INERTIA  # abduction turns all links
-    for link, inertia in ((1, ARMATURE), (2, ARMATURE), (3, TENDON_INERTIA)):  # a joint turns all that hangs on it
+    for link, inertia in (
+        (1, ARMATURE),
+        (2, ARMATURE),
+        (3, TENDON_INERTIA),
+    ):  # a joint turns all that hangs on it
         blocks[:, 1 : link + 1, 1 : link + 1] += inertia
     return blocks
 
@@ -82,6 +87,14 @@ def _torques(q, dq, command, stiffness, damping, limit, feedforward, out):
             out[f, i] = feedforward[f, i] + stiffness * min(max(error, -limit), limit)
             for j in range(3):
                 out[f, i] -= damping[f, i, j] * dq[4 * f + j]
+
+
+@numba.njit(cache=True)
+def _measured(q, command, give, limit):
+    angles = np.empty_like(q)
+    for i in range(len(q)):
+        angles[i] = q[i] + give * min(max(command[i] - q[i], -limit), limit)
+    return angles
 
 
 class ImpedanceController:
@@ -116,12 +129,11 @@ class ImpedanceController:
         return self._out
 
     def measured(self, q: Array, command: Array) -> Array:
-        """Motor-side angles ``(..., 12)`` that the robot would measure for joint angles ``(..., 12)``.
+        """Motor-side angles ``(12,)`` that the robot would measure for driven joint angles ``(12,)``.
 
         The series spring stretches under the drive torque, so the motor stands between joint and command.
         """
-        error = np.clip(command - q, -self._limit, self._limit)
-        return q + (1.0 - self.impedance.ratio) * error
+        return _measured(q, command, 1.0 - self.impedance.ratio, self._limit)
 
 
 class CommandFilter:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import os
 import tempfile
 from pathlib import Path
@@ -62,8 +63,10 @@ class Body:
     The frame outside is the mesh's canonical frame; Bullet's own is the centre of mass and its principal axes.
     """
 
+    _numbers = itertools.count()
+
     def __init__(self, thing: Object) -> None:
-        self.name = thing.name
+        self.name, self.number = thing.name, next(Body._numbers)  # the number names it within a process
         self.mass = thing.mass if thing.mass is not None else DEFAULT_MASS
         moments, axes = np.linalg.eigh(thing.inertia)
         if np.linalg.det(axes) < 0:
@@ -83,8 +86,8 @@ class Body:
                 _write_once(cache_directory() / "bodies" / f"{thing.digest}.obj", _obj_text(thing.parts))
             )
 
-    def create(self, bullet, mass: float, visible: bool = False) -> int:
-        """Make the body of ``mass`` kg in the client ``bullet``; returns its id."""
+    def shape(self, bullet) -> int:
+        """Make the collision shape in the client ``bullet``, for any number of bodies; returns its id."""
         if self._file is None:
             shape = bullet.createCollisionShape(bullet.GEOM_MESH, vertices=self._vertices[0])
         else:
@@ -93,9 +96,13 @@ class Body:
             raise RuntimeError(
                 f"Bullet made no collision shape for {self.name} ({self._file or 'one convex part'})"
             )
+        return shape
+
+    def create(self, bullet, mass: float, shape: int | None = None, visible: bool = False) -> int:
+        """Make the body of ``mass`` kg in the client ``bullet``, of a shape made before; returns its id."""
         body = bullet.createMultiBody(
             baseMass=mass,
-            baseCollisionShapeIndex=shape,
+            baseCollisionShapeIndex=self.shape(bullet) if shape is None else shape,
             baseVisualShapeIndex=self._look(bullet) if visible else -1,
             baseInertialFramePosition=self.com.tolist(),
             baseInertialFrameOrientation=self._axes_quaternion,

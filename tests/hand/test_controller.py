@@ -31,12 +31,8 @@ def test_a_stiff_drive_leaves_the_controllers_stiffness() -> None:
 def test_torque_is_limited_to_one_newton_metre_either_way() -> None:
     controller = ImpedanceController(Impedance(), 1 / 60, gravity=0.0)
     for error in (0.24, 0.5, 3.0):
-        np.testing.assert_allclose(
-            controller.torques(REST, STILL, kinematics.MEAN_GRASP + error), 1.0
-        )
-        np.testing.assert_allclose(
-            controller.torques(REST, STILL, kinematics.MEAN_GRASP - error), -1.0
-        )
+        np.testing.assert_allclose(controller.torques(REST, STILL, kinematics.MEAN_GRASP + error), 1.0)
+        np.testing.assert_allclose(controller.torques(REST, STILL, kinematics.MEAN_GRASP - error), -1.0)
     assert controller.torques(REST, STILL, kinematics.MEAN_GRASP + 0.2)[0, 0] < 0.9
 
 

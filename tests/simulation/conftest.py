@@ -76,7 +76,7 @@ def free_hand(make_world, bodies, physics) -> Callable[..., World]:
         world.load(bodies[0], {**physics, **changes})
         world.place(Grasp(kinematics.expand(joints), joints, AWAY, np.eye(3)))
         if not touch:
-            for finger in world.fingers:
+            for finger in world.hand.fingers:
                 for link in range(4):
                     world.bullet.setCollisionFilterGroupMask(finger, link, 0, 0)
         return world

@@ -24,7 +24,7 @@ def test_every_grasp_of_the_bank_holds_for_a_second(bank, bodies, make_world, ph
                 world.step(grasp.command)
             assert np.linalg.norm(world.position - grasp.position) < 5e-3
             assert geodesic(world.rotation, grasp.rotation) < 0.15
-            touching = {contact[1] for contact in world.contacts(world.object)}
+            touching = {contact[1] for contact in world.hand.contacts(world.object)}
             assert len(touching) >= 2  # fingers at the object
 
 

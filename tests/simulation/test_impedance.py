@@ -36,7 +36,7 @@ def press(world: World, joint: int, deflection: float) -> tuple[np.ndarray, np.n
         world.step(target)
     frames = kinematics.link_frames(world.joints[DRIVEN_INDEX])[0]
     torques = np.zeros(4)
-    for contact in world.contacts(wall):
+    for contact in world.hand.contacts(wall):
         force = np.array(contact[7]) * contact[9]  # the normal points to the first body
         for j in range(4):
             torques[j] += force @ np.cross(frames[j, :3, 2], np.array(contact[5]) - frames[j, :3, 3])
@@ -129,8 +129,10 @@ def test_free_fingers_come_to_rest_in_every_posture(free_hand, rate: int) -> Non
         world = free_hand(rate, joints, touch=False, stick_friction=NO_FRICTION, gravity=0.0, **gains)
         for joint in range(16):  # a blow
             speed = 2.0 * (-1) ** (joint // 4 + min(joint % 4, 2))  # q4 as q3
-            world.bullet.resetJointState(world.fingers[joint // 4], joint % 4, world.joints[joint], speed)
-        world._read_joints()
+            world.bullet.resetJointState(
+                world.hand.fingers[joint // 4], joint % 4, world.joints[joint], speed
+            )
+        world.joints, world.speeds = world.hand.read()
         for _ in range(10):
             world.step(joints)
         np.testing.assert_allclose(world.speeds, 0, atol=0.01)

@@ -186,7 +186,7 @@ def test_an_encoder_offset_moves_the_joint_but_not_what_is_measured(free_hand) -
 def test_tips_hold_what_links_let_slip(make_world, bodies, physics) -> None:
     world = make_world()
     world.load(bodies[0], {**physics, "tip_friction": 0.85, "link_friction": 0.09, "spinning_friction": 1e-3})
-    for finger in world.fingers:
+    for finger in world.hand.fingers:
         for link in (1, 2, 3):  # the first has no geometry
             info = world.bullet.getDynamicsInfo(finger, link)
             tip = link == 3
