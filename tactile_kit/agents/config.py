@@ -77,7 +77,11 @@ class SACConfig(Settings):
         0.0, ge=0, description="Weight of the squared distance from the rest action, at first."
     )
     anchor_steps: int = Field(
-        0, ge=0, description="Environment steps over which the anchor's weight falls to 0."
+        0, ge=0, description="Environment steps over which the anchor's weight falls to its floor."
+    )
+    anchor_floor: float = Field(0.0, ge=0, description="Least weight of the anchor.")
+    noise_correlation: float = Field(
+        0.0, ge=0, lt=1, description="Correlation of the exploration noise from one action to the next."
     )
     actor_every: PositiveInt = Field(1, description="Critic updates an actor update.")
     random_goals: float = Field(

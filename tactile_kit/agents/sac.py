@@ -60,6 +60,7 @@ class SAC(stable_baselines3.SAC):
         self.input_layout = layout = InputLayout.of_env(env)
         self.noise = torch.Generator().manual_seed(derive(seed, "learner", "noise"))
         self._rest = None if rest is None else torch.tensor(rest, dtype=torch.float32)
+        self._wander: torch.Tensor | None = None  # the exploration noise of every environment, (E, A)
         self._debt = 0.0  # gradient steps owed, for fractional ratios
         self._means = Means()
         replay: dict[str, Any] = {
@@ -110,8 +111,11 @@ class SAC(stable_baselines3.SAC):
     @torch.no_grad()
     def explore(self, observations: np.ndarray) -> np.ndarray:
         """Actions sampled from the policy, ``(E, A) float32`` in [-1, 1]."""
-        noise = torch.randn(len(observations), self.action_space.shape[0], generator=self.noise)  # type: ignore[index]
-        return self.actor.network.act(torch.from_numpy(observations), noise).numpy()
+        fresh = torch.randn(len(observations), self.action_space.shape[0], generator=self.noise)  # type: ignore[index]
+        keep = self.config.noise_correlation
+        # an autoregressive process of unit variance: a finger lifts only by noise that points one way for a while
+        self._wander = fresh if self._wander is None else keep * self._wander + (1 - keep**2) ** 0.5 * fresh
+        return self.actor.network.act(torch.from_numpy(observations), self._wander).numpy()
 
     def collect_rollouts(  # type: ignore[override]
         self,
@@ -155,9 +159,11 @@ class SAC(stable_baselines3.SAC):
     @property
     def anchor(self) -> float:
         """Present weight of the distance from the rest action in the actor's loss."""
-        if self._rest is None or self.num_timesteps >= self.config.anchor_steps:
+        config = self.config
+        if self._rest is None:
             return 0.0
-        return self.config.anchor * (1.0 - self.num_timesteps / self.config.anchor_steps)
+        left = 1.0 - self.num_timesteps / config.anchor_steps if config.anchor_steps else 0.0
+        return max(config.anchor * left, config.anchor_floor)
 
     # ---- learning ----------------------------------------------------------------------------------------------------
     def train(self, gradient_steps: int, batch_size: int | None = None) -> None:
@@ -241,6 +247,8 @@ class SAC(stable_baselines3.SAC):
         for name, optimizer in self._optimizers().items():
             moments, values[name] = pack_optimizer(name, optimizer)
             tensors.update(moments)
+        if self._wander is not None:
+            tensors["wander"] = self._wander.clone()
         if self._last_obs is not None:
             tensors["observation"] = torch.from_numpy(np.array(self._last_obs, dtype=np.float32))
         return tensors, values
@@ -257,6 +265,7 @@ class SAC(stable_baselines3.SAC):
         self.num_timesteps, self._episode_num = values["steps"], values["episodes"]
         self._n_updates, self._debt = values["updates"], values["debt"]
         unpack_numpy_generator(self.replay_buffer.rng, values["replay_rng"])
+        self._wander = tensors["wander"].clone() if "wander" in tensors else None
         if "observation" in tensors:
             self._last_obs = tensors["observation"].numpy().copy()
 

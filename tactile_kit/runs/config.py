@@ -51,6 +51,19 @@ class CheckpointConfig(Settings):
     replay: bool = Field(True, description="Save the replay memory too (about 3 kB a transition).")
 
 
+class EpisodesConfig(Settings):
+    """What training episodes do differently from those that are evaluated; None: as the task says."""
+
+    horizon: PositiveInt | None = Field(None, description="Actions an episode.")
+    goal_every: int | None = Field(None, ge=0, description="Actions until a new goal, without a reset.")
+    grasps: PositiveInt | None = Field(None, description="Initial grasps a variant.")
+    grasp_spread: float | None = Field(None, ge=0, le=0.5, description="How far grasps stray, rad.")
+
+    def applied(self, task: TaskConfig) -> TaskConfig:
+        """The task as training plays it."""
+        return task.model_copy(update=self.model_dump(exclude_none=True))
+
+
 class RunConfig(Settings):
     """Everything a training run depends on.
 
@@ -76,6 +89,7 @@ class RunConfig(Settings):
     sac: SACConfig = SACConfig.preset("small")
     estimator: EstimatorConfig = EstimatorConfig.preset("small")
     ecrl: ECRLConfig = ECRLConfig()
+    episodes: EpisodesConfig = EpisodesConfig()
     gravity: GravityConfig = GravityConfig()
     evaluation: EvaluationConfig = EvaluationConfig()
     checkpoint: CheckpointConfig = CheckpointConfig()

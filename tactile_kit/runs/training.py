@@ -112,17 +112,15 @@ def _evaluation_due(config: RunConfig, directory: Path, step: int) -> bool:
 
 def default_env(config: RunConfig) -> Any:
     """The training environment of the run's kind."""
-    seed = derive(config.seed, "training")
+    seed, task = derive(config.seed, "training"), config.episodes.applied(config.task)
     if config.kind == "oracle":
         from tactile_kit.task.vec_env import ReorientVecEnv
 
-        return ReorientVecEnv(
-            config.task, num_envs=config.num_envs, num_workers=config.num_workers, seed=seed
-        )
+        return ReorientVecEnv(task, num_envs=config.num_envs, num_workers=config.num_workers, seed=seed)
     from tactile_kit.ecrl import TactileVecEnv
 
     return TactileVecEnv(
-        config.task,
+        task,
         num_envs=config.num_envs,
         num_workers=config.num_workers,
         seed=seed,

@@ -43,32 +43,37 @@ class GraspError(RuntimeError):
     """No grasp was found."""
 
 
-def _close(world: World) -> None:
+def _close(world: World, closing: Array) -> None:
     """Close every finger until it feels the object."""
-    target = np.clip(kinematics.MEAN_GRASP + OPENING, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
+    target = world.command.copy()
     for _ in range(CLOSING_STEPS):
         lag = (world.command - world.joints[kinematics.DRIVEN_INDEX]).reshape(
             kinematics.FINGERS, kinematics.DRIVEN
         )
         free = lag[:, 1:].max(axis=1) < FELT
-        target = target + (free[:, None] * CLOSING).ravel()
+        target = target + (free[:, None] * closing).ravel()
         target = np.clip(target, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
         world.step(target)
     for _ in range(SETTLING_STEPS):
         world.step(target)
 
 
-def try_grasp(world: World, body: Body, rotation: Array) -> Grasp | None:
-    """Close the hand around ``body`` turned by ``rotation``; None if the object is not held."""
+def try_grasp(
+    world: World, body: Body, rotation: Array, offset: Array | float = 0.0, closing: Array = CLOSING
+) -> Grasp | None:
+    """Close the hand around ``body`` turned by ``rotation``; None if the object is not held.
+
+    ``offset`` ``(12,)`` rad is added to the open posture; ``closing`` ``(3,)`` or ``(4, 3)`` rad a control step.
+    """
     weightless = {**randomization.preset("none").draw("episode", 0), "gravity": 0.0}
     world.load(body, weightless)
-    start = np.clip(kinematics.MEAN_GRASP + OPENING, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
+    start = np.clip(kinematics.MEAN_GRASP + OPENING + offset, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
     world.place(Grasp(kinematics.expand(start), start, np.zeros(3), rotation))
     world.bullet.performCollisionDetection()
     if any(contact[8] < -1e-3 for contact in world.bullet.getContactPoints(world.object)):
         return None  # the open hand is in the object already
     try:
-        _close(world)
+        _close(world, closing)
         target = world.command.copy()
         world.set_gravity(randomization.STANDARD_GRAVITY)
         for step in range(HOLDING_STEPS):
@@ -120,8 +125,13 @@ class GraspBank:
         return Grasp(self.joints[at], self.command[at], self.position[at], self.rotation[at])
 
 
-def find_grasps(world: World, thing: Object, count: int, seed: int = 0, attempts: int = 60) -> list[Grasp]:
+def find_grasps(
+    world: World, thing: Object, count: int, seed: int = 0, attempts: int = 60, spread: float = 0.0
+) -> list[Grasp]:
     """``count`` grasps of ``thing``, each from a random orientation; reproducible from ``seed``.
+
+    With a ``spread`` (rad) they resemble the moments between two grasps: fingers stray from the heuristic's posture by
+    up to so much, and in a third of them one finger stays open.
 
     Raises:
         GraspError: fewer than ``count`` grasps in ``attempts * count`` tries.
@@ -129,7 +139,13 @@ def find_grasps(world: World, thing: Object, count: int, seed: int = 0, attempts
     body, found = Body(thing), []
     generator = randomization.stream(seed, "grasps", thing.digest)
     for rotation in random_rotations(generator, attempts * count):
-        grasp = try_grasp(world, body, rotation)
+        if spread:
+            offset = spread * generator.uniform(-1, 1, (kinematics.FINGERS, 3)) * [1.0, 0.5, 0.5]
+            idle = generator.integers(3 * kinematics.FINGERS)  # no finger from 4 on
+            closing = np.where(np.arange(kinematics.FINGERS)[:, None] == idle, 0.0, CLOSING)
+            grasp = try_grasp(world, body, rotation, offset.ravel(), closing)
+        else:
+            grasp = try_grasp(world, body, rotation)
         if grasp is not None:
             found.append(grasp)
         if len(found) == count:
@@ -140,9 +156,9 @@ def find_grasps(world: World, thing: Object, count: int, seed: int = 0, attempts
     )
 
 
-def _bank_file(thing: Object, count: int, seed: int, config: SimulationConfig) -> Path:
+def _bank_file(thing: Object, count: int, seed: int, config: SimulationConfig, spread: float) -> Path:
     settings = json.dumps(
-        [RECIPE, thing.digest, count, seed, config.model_dump(), urdf.hand_urdf()], sort_keys=True
+        [RECIPE, thing.digest, count, seed, spread, config.model_dump(), urdf.hand_urdf()], sort_keys=True
     )
     return cache_directory() / "grasps" / f"{hashlib.sha256(settings.encode()).hexdigest()[:24]}.npz"
 
@@ -162,6 +178,7 @@ def grasps_of(
     config: SimulationConfig,
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
+    spread: float = 0.0,
 ) -> GraspBank:
     """The bank of ``count`` grasps for each of ``things``, read from the cache where it is there.
 
@@ -169,10 +186,10 @@ def grasps_of(
     """
     world, rows = None, []
     for index, thing in enumerate(things):
-        path = _bank_file(thing, count, seed, config)
+        path = _bank_file(thing, count, seed, config, spread)
         if not path.exists():
             world = world or World(config)
-            _save(path, find_grasps(world, thing, count, seed))
+            _save(path, find_grasps(world, thing, count, seed, spread=spread))
         with np.load(path, allow_pickle=False) as data:
             rows.append({name: data[name] for name in Grasp.__annotations__})
         if progress:

@@ -82,6 +82,17 @@ class TaskConfig(Settings):
         default="absolute", description="target joint angles or steps"
     )
     grasps: int = Field(default=8, ge=1, le=1000, description="initial grasps a variant")
+    grasp_spread: float = Field(
+        default=0.0,
+        ge=0,
+        le=0.5,
+        description="how far grasps stray from the heuristic's posture, rad (training)",
+    )
+    goal_every: int = Field(
+        default=0,
+        ge=0,
+        description="a new goal after so many actions, the object as it is (training); 0: never",
+    )
     reward: RewardConfig = RewardConfig()
     simulation: SimulationConfig = SimulationConfig()
 

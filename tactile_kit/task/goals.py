@@ -44,9 +44,13 @@ def training_episodes(
         sizes = variants.of_object((environment + number * environments) % variants.number_of_objects)
         generator = randomization.stream(seed, "episode", environment, number)
         variant = int(sizes[generator.integers(len(sizes))])
-        if config.goals == "so3":
-            goal = random_rotations(generator, 1)[0]
-        else:
-            goal = octahedral()[generator.integers(24)]
+        goal = draw_goal(config, generator)
         yield EpisodeSpec(variant, variant, goal, int(generator.integers(2**62)))
         number += 1
+
+
+def draw_goal(config: TaskConfig, generator: np.random.Generator) -> NDArray[np.float64]:
+    """A goal orientation ``(3, 3)`` as the task draws them."""
+    if config.goals == "so3":
+        return random_rotations(generator, 1)[0]
+    return octahedral()[generator.integers(24)]

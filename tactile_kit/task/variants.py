@@ -49,6 +49,10 @@ class Variants:
         return int(self.object_index[variant])
 
 
+def _bank(thing: Object, config: TaskConfig) -> GraspBank:
+    return grasps_of([thing], config.grasps, config.simulation, spread=config.grasp_spread)
+
+
 def _random_size(thing: Object, config: TaskConfig, number: int, attempt: int) -> Object:
     generator = randomization.stream(config.variant_seed, "variants", thing.name, number, attempt)
     return thing.with_extents(generator.uniform(*config.extent_range, size=3))
@@ -64,7 +68,7 @@ def prepare(config: TaskConfig) -> Variants:
         GraspError: an object can't be held.
     """
     nominal = tuple(object_sets.select(config.objects))
-    banks = [grasps_of([thing], config.grasps, config.simulation) for thing in nominal]
+    banks = [_bank(thing, config) for thing in nominal]
     things, index = list(nominal), list(range(len(nominal)))
     playable = [config.scaling == "nominal"] * len(nominal)
     if config.scaling == "random":
@@ -82,7 +86,7 @@ def _held_size(thing: Object, config: TaskConfig, number: int) -> tuple[Object, 
     for attempt in range(REDRAWS):
         size = _random_size(thing, config, number, attempt)
         try:
-            return size, grasps_of([size], config.grasps, config.simulation)
+            return size, _bank(size, config)
         except GraspError as error:
             last = error
     raise GraspError(

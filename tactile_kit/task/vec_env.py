@@ -15,12 +15,13 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
+import randomization
 from tactile_kit.hand.kinematics import JOINTS
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.simulation.vector import VectorSimulation
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
-from tactile_kit.task.goals import EpisodeSpec, training_episodes
+from tactile_kit.task.goals import EpisodeSpec, draw_goal, training_episodes
 from tactile_kit.task.observation import Belief
 from tactile_kit.task.reward import reward_terms
 from tactile_kit.task.rotations import geodesic
@@ -290,13 +291,25 @@ class ReorientVecEnv(VecEnv):
             terminated, truncated, observation,
         )  # fmt: skip
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for i in np.flatnonzero(done).tolist():
+            infos[i] = self._finish(i, theta[i], Status(int(status[i])), ended[i], observation[i])
         if done.any():
-            for i in np.flatnonzero(done).tolist():
-                infos[i] = self._finish(i, theta[i], Status(int(status[i])), ended[i], observation[i])
             self._begin(done)
             self.belief = self._start_belief(done)
+        if self._change_goals(~done) or done.any():
             observation = self._observe()
         return observation, reward, done, infos
+
+    def _change_goals(self, mask: Array) -> bool:
+        """New goals where ``goal_every`` actions have passed; whether there are any."""
+        every = self.config.goal_every
+        if not every:
+            return False
+        due = np.flatnonzero(mask & (self.state.elapsed % every == 0)).tolist()
+        for i in due:
+            generator = randomization.stream(self._spec[i].seed, "goal", int(self.state.elapsed[i]))
+            self.state.goal[i] = draw_goal(self.config, generator)
+        return bool(due)
 
     def _finish(
         self, i: int, theta: float, status: Status, ended: dict[str, Any], observation: Array
