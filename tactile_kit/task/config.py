@@ -49,6 +49,9 @@ class RewardConfig(Settings):
     posture: float = Field(
         default=1 / 6, ge=0, description="weight of the fourth power of joint deviation, 1/rad^4"
     )
+    drop: float = Field(
+        default=0.0, ge=0, description="price of a drop; the paper has none beside the position's"
+    )
 
 
 class TaskConfig(Settings):

@@ -79,9 +79,10 @@ class ReorientEnv(gymnasium.Env):
         R_before, x_before = self._R.copy(), self._x.copy()
         status = self.simulator.step(np.asarray(action, dtype=np.float64))
         self._read()
+        terminated = status in (Status.DROP, Status.FAULT)
         terms = reward_terms(
-            self.config.reward, R_before, self._R, self.spec_now.goal, x_before, self._x, self._x0, self._q
-        )
+            self.config.reward, R_before, self._R, self.spec_now.goal, x_before, self._x, self._x0, self._q, terminated
+        )  # fmt: skip
         theta = float(geodesic(self._R, self.spec_now.goal))
         info: dict[str, Any] = {
             "theta": theta,
@@ -89,7 +90,6 @@ class ReorientEnv(gymnasium.Env):
         }
         info["success"] = bool(status == Status.TIME and theta < self.config.success_angle)
         info["drop"], info["fault"] = status == Status.DROP, self.simulator.fault
-        terminated = status in (Status.DROP, Status.FAULT)
         return self._observe(), float(sum(terms.values())), terminated, status == Status.TIME, info
 
     def render(self) -> NDArray[np.uint8] | None:

@@ -27,14 +27,17 @@ def reward_terms(
     x: Array,
     x_start: Array,
     q: Array,
+    dropped: Array | bool = False,
 ) -> dict[str, Array]:
     """Terms of the reward, each ``(E,)``; their sum is the reward.
 
-    ``R* (E, 3, 3)``, ``x* (E, 3)`` m, ``q (E, 12)`` true joint angles rad after the step.
+    ``R* (E, 3, 3)``, ``x* (E, 3)`` m, ``q (E, 12)`` true joint angles rad after the step,
+    ``dropped (E,)`` whether the step ended in a drop or a fault.
     """
     away = np.linalg.norm(x - x_start, axis=-1) - np.linalg.norm(x_before - x_start, axis=-1)
     return {
         "rotation": rotation_term(config, R_before, R, goal),
         "position": -config.position * away,
         "posture": -config.posture * ((q - MEAN_GRASP) ** 4).sum(axis=-1),
+        "drop": -config.drop * np.broadcast_to(dropped, away.shape),
     }

@@ -273,13 +273,13 @@ class ReorientVecEnv(VecEnv):
         R_before, x_before, belief_before = state.R.copy(), state.x.copy(), self.belief.R
         state.z[:], state.x[:], state.R[:] = views["z"], views["x"], views["R"]
         state.elapsed += 1
-        terms = reward_terms(
-            self.config.reward, R_before, state.R, state.goal, x_before, state.x, state.x0, views["q"]
-        )
-        reward = np.sum(list(terms.values()), axis=0).astype(np.float32)
         status = views["status"]
         truncated = status == Status.TIME
         terminated = (status == Status.DROP) | (status == Status.FAULT)
+        terms = reward_terms(
+            self.config.reward, R_before, state.R, state.goal, x_before, state.x, state.x0, views["q"], terminated
+        )  # fmt: skip
+        reward = np.sum(list(terms.values()), axis=0).astype(np.float32)
         done = truncated | terminated
         theta = geodesic(state.R, state.goal)
         self._theta_min = np.minimum(self._theta_min, theta)

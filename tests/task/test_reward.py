@@ -18,7 +18,7 @@ def turned(angle: float) -> np.ndarray:
     return exp(np.array([[0.0, angle, 0.0]]))
 
 
-def terms(**changes: np.ndarray) -> dict[str, float]:
+def terms(config: RewardConfig = PAPER, **changes: np.ndarray) -> dict[str, float]:
     values = {
         "R_before": turned(1.0),
         "R": turned(1.0),
@@ -28,7 +28,7 @@ def terms(**changes: np.ndarray) -> dict[str, float]:
         "x_start": HERE,
         "q": MEAN_GRASP[None],
     }
-    return {name: value.item() for name, value in reward_terms(PAPER, **{**values, **changes}).items()}
+    return {name: value.item() for name, value in reward_terms(config, **{**values, **changes}).items()}
 
 
 def test_the_papers_coefficients() -> None:
@@ -36,7 +36,12 @@ def test_the_papers_coefficients() -> None:
 
 
 def test_nothing_happens_nothing_is_paid() -> None:
-    assert terms() == {"rotation": 0, "position": 0, "posture": 0}
+    assert terms() == {"rotation": 0, "position": 0, "posture": 0, "drop": 0}
+
+
+def test_the_paper_asks_no_price_for_a_drop_but_a_recipe_may() -> None:
+    assert terms(dropped=np.array([True]))["drop"] == 0
+    assert terms(config=RewardConfig(drop=1.5), dropped=np.array([True]))["drop"] == -1.5
 
 
 @pytest.mark.parametrize(
@@ -67,7 +72,7 @@ def test_coefficients_weigh_their_own_term() -> None:
     x, q = np.array([[0.01, 0, 0]]), MEAN_GRASP[None] + np.eye(12)[:1]
     found = reward_terms(config, turned(1.0), turned(0.5), turned(0.0), HERE, x, HERE, q)
     assert {name: value.item() for name, value in found.items()} == pytest.approx(
-        {"rotation": 0.6, "position": -0.03, "posture": -5}
+        {"rotation": 0.6, "position": -0.03, "posture": -5, "drop": 0}
     )
 
 
