@@ -21,6 +21,9 @@ from tactile_kit.task.rotations import to_quaternion
 
 Array = NDArray[np.float64]
 MAX_JOINT_SPEED = 60.0  # rad/s; ten times what the controller's torque limit can bring about in free air
+LOADS_A_SCENE = (
+    500  # then a fresh one: Bullet keeps a kilobyte of every removed body until its scene is reset
+)
 
 
 class PhysicsFault(RuntimeError):
@@ -75,6 +78,7 @@ class World:
         self.object = -1
         self.hand: Hand | None = None
         self._shapes: dict[int, int] = {}
+        self._loads = 0
 
     def close(self) -> None:
         """Disconnect the client."""
@@ -84,10 +88,11 @@ class World:
         """Bring in ``body`` and the episode's ``physics`` (names and units: ``randomization``)."""
         bullet, self.body = self.bullet, body
         self.physics = dict(physics)
-        if self.hand is None:
+        if self.hand is None or self._loads >= LOADS_A_SCENE:
             self.hand = self._build()
         else:
             bullet.removeBody(self.object)
+        self._loads += 1
         self.hand.forget_contacts()
         self.hand.set_physics(physics)
         self._mass = max(body.mass + float(physics["object_mass_offset"]), 1e-3)
@@ -104,6 +109,7 @@ class World:
     def _build(self) -> Hand:
         self.bullet.resetSimulation()
         self._shapes.clear()
+        self._loads = 0
         self.bullet.setPhysicsEngineParameter(
             fixedTimeStep=self.config.time_step,
             numSolverIterations=self.config.solver_iterations,

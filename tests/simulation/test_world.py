@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import randomization
 from tactile_kit.hand import kinematics
 from tactile_kit.hand.kinematics import DRIVEN_INDEX, MEAN_GRASP
 from tactile_kit.simulation.simulator import Simulator
-from tactile_kit.simulation.world import Grasp, World
+from tactile_kit.simulation.world import LOADS_A_SCENE, Grasp, World
 from tactile_kit.task.rotations import exp, geodesic
 
 DIGEST_IN_A_NEW_PROCESS = """
@@ -79,6 +80,26 @@ def test_an_episode_repeats_itself_to_the_byte(simulator) -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
     )
     assert run.stdout.split()[-1] == digest.hex()
+
+
+def test_a_fresh_scene_now_and_then_keeps_memory_flat(simulator) -> None:
+    """Bullet alone would keep about 2 MB of these removed bodies."""
+    one = simulator()
+
+    def resident_after(loads: int) -> int:
+        for number in range(loads):
+            one.reset(number % 2, number, 9.81)
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS"))
+
+    before = resident_after(LOADS_A_SCENE + 100)
+    assert resident_after(4 * LOADS_A_SCENE) - before < 800  # kB
+
+
+def test_a_fresh_scene_changes_no_episode(simulator, monkeypatch) -> None:
+    monkeypatch.setattr("tactile_kit.simulation.world.LOADS_A_SCENE", 2)
+    one = simulator()
+    assert len({play(one, 1, 77) for _ in range(5)}) == 1
 
 
 def test_the_window_holds_angles_then_errors_oldest_first(simulator) -> None:
