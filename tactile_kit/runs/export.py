@@ -5,7 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from tactile_kit.agents.files import digest, json_bytes, tensor_bytes, write_atomically
+from tactile_kit.agents.files import (
+    digest,
+    json_bytes,
+    replace_together,
+    tensor_bytes,
+    write_atomically,
+)
 from tactile_kit.agents.manifest import Manifest, PolicyNetwork
 from tactile_kit.agents.warm_start import learner_networks
 from tactile_kit.runs.config import RunConfig
@@ -26,7 +32,7 @@ def export_agent(
 ) -> Manifest:
     """Write policy, critic and, for tactile agents, estimator weights, then agent.json and README.md.
 
-    Each file is replaced atomically, agent.json after the weights whose digests it names.
+    Weights and agent.json change together: a kill at any moment leaves an agent that loads.
     """
     actor, critics = learner_networks(learner)
     parts = {"policy.safetensors": actor.state_dict(), "critic.safetensors": critics[0].state_dict()}
@@ -35,11 +41,7 @@ def export_agent(
         cell = learner.env.estimator
         estimator = cell.config.model_dump(mode="json")
         parts["estimator.safetensors"] = cell.state_dict()
-    digests = {}
-    for name, tensors in parts.items():
-        data = tensor_bytes(tensors)
-        digests[name] = digest(data)
-        write_atomically(directory / name, data)
+    weights = {name: tensor_bytes(tensors) for name, tensors in parts.items()}
     layers = config.sac.actor if config.algorithm == "sac" else config.ppo.actor
     manifest = Manifest(
         schema=1,
@@ -63,9 +65,9 @@ def export_agent(
         training=training or {},
         versions=versions(),
         git=revision(),
-        weights=digests,
+        weights={name: digest(data) for name, data in weights.items()},
     )
-    write_atomically(directory / "agent.json", json_bytes(manifest.to_json()))
+    replace_together(directory, weights, "agent.json", json_bytes(manifest.to_json()))
     write_atomically(directory / "README.md", model_card(directory.name, manifest, evaluation).encode())
     return manifest
 

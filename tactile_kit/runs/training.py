@@ -14,7 +14,7 @@ import numpy as np
 import torch
 
 from randomization import derive
-from tactile_kit.agents.files import json_bytes, read_json, write_atomically
+from tactile_kit.agents.files import json_bytes, read_json, settle, write_atomically
 from tactile_kit.runs import checkpoint as checkpoints
 from tactile_kit.runs.config import RunConfig, differences
 from tactile_kit.runs.directory import hardware, locked, revision, versions
@@ -54,6 +54,7 @@ def train(
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
     with locked(directory):
+        settle(directory, "agent.json")
         saved, messages = checkpoints.newest(directory / "checkpoints")
         if saved is not None:
             _check_resume(config, saved, directory, resume)
