@@ -57,6 +57,23 @@ class PPOConfig(Settings):
         raise ValueError(f"PPO preset {name!r} unknown: 'paper' or 'small'")
 
 
+class ExplorationConfig(Settings):
+    """Noise of the actions that SAC collects with; the defaults are plain SAC."""
+
+    correlation: float = Field(
+        0.0, ge=0, lt=1, description="Correlation of the noise from one action to the next."
+    )
+    few_fingers: float = Field(
+        0.0,
+        ge=0,
+        le=1,
+        description="Share of the time in which it moves one or two fingers and calms the others.",
+    )
+    few_reach: PositiveFloat = Field(
+        3.0, description="Noise of those fingers, in units of the policy's sigma."
+    )
+
+
 class SACConfig(Settings):
     """SAC with goal relabelling, the off-policy recipe for few cores."""
 
@@ -80,9 +97,7 @@ class SACConfig(Settings):
         0, ge=0, description="Environment steps over which the anchor's weight falls to its floor."
     )
     anchor_floor: float = Field(0.0, ge=0, description="Least weight of the anchor.")
-    noise_correlation: float = Field(
-        0.0, ge=0, lt=1, description="Correlation of the exploration noise from one action to the next."
-    )
+    exploration: ExplorationConfig = ExplorationConfig()
     actor_every: PositiveInt = Field(1, description="Critic updates an actor update.")
     random_goals: float = Field(
         0.25, ge=0, le=1, description="Share of each batch given random goals on SO(3)."

@@ -17,6 +17,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from randomization import derive, stream
 from tactile_kit.agents.config import SACConfig
+from tactile_kit.agents.exploration import Exploration
 from tactile_kit.agents.networks import InputLayout
 from tactile_kit.agents.policies import HandSACPolicy
 from tactile_kit.agents.replay import GoalReplay
@@ -60,7 +61,7 @@ class SAC(stable_baselines3.SAC):
         self.input_layout = layout = InputLayout.of_env(env)
         self.noise = torch.Generator().manual_seed(derive(seed, "learner", "noise"))
         self._rest = None if rest is None else torch.tensor(rest, dtype=torch.float32)
-        self._wander: torch.Tensor | None = None  # the exploration noise of every environment, (E, A)
+        self.exploration = Exploration(config.exploration, env.action_space.shape[0], self.noise)  # type: ignore[index]
         self._debt = 0.0  # gradient steps owed, for fractional ratios
         self._means = Means()
         replay: dict[str, Any] = {
@@ -111,11 +112,8 @@ class SAC(stable_baselines3.SAC):
     @torch.no_grad()
     def explore(self, observations: np.ndarray) -> np.ndarray:
         """Actions sampled from the policy, ``(E, A) float32`` in [-1, 1]."""
-        fresh = torch.randn(len(observations), self.action_space.shape[0], generator=self.noise)  # type: ignore[index]
-        keep = self.config.noise_correlation
-        # an autoregressive process of unit variance: a finger lifts only by noise that points one way for a while
-        self._wander = fresh if self._wander is None else keep * self._wander + (1 - keep**2) ** 0.5 * fresh
-        return self.actor.network.act(torch.from_numpy(observations), self._wander).numpy()
+        noise = self.exploration.draw(len(observations))
+        return self.actor.network.act(torch.from_numpy(observations), noise).numpy()
 
     def collect_rollouts(  # type: ignore[override]
         self,
@@ -247,8 +245,7 @@ class SAC(stable_baselines3.SAC):
         for name, optimizer in self._optimizers().items():
             moments, values[name] = pack_optimizer(name, optimizer)
             tensors.update(moments)
-        if self._wander is not None:
-            tensors["wander"] = self._wander.clone()
+        tensors |= pack("exploration", self.exploration.state())
         if self._last_obs is not None:
             tensors["observation"] = torch.from_numpy(np.array(self._last_obs, dtype=np.float32))
         return tensors, values
@@ -265,7 +262,7 @@ class SAC(stable_baselines3.SAC):
         self.num_timesteps, self._episode_num = values["steps"], values["episodes"]
         self._n_updates, self._debt = values["updates"], values["debt"]
         unpack_numpy_generator(self.replay_buffer.rng, values["replay_rng"])
-        self._wander = tensors["wander"].clone() if "wander" in tensors else None
+        self.exploration.restore(unpack("exploration", tensors))
         if "observation" in tensors:
             self._last_obs = tensors["observation"].numpy().copy()
 
