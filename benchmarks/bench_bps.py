@@ -1,38 +1,32 @@
-"""Speed of basis point sets, ours beside peers in one process: microseconds per encode of 64 points.
+"""Speed and exactness of basis point sets, ours beside other libraries in one process.
 
-    python benchmarks/bps.py [--out FILE] [--batches 1 32 1024] [--triangles 12 60 300 5000] [--quick]
+    python benchmarks/bench_bps.py [--batches 1 32 1024 6400] [--triangles 12 60 300 5000] [--quick]
 
-Prints one JSON object. One thread; 64 differently scaled meshes; every encode has its own rotated pose, because a
-benchmark that repeats a few poses is learnt by the branch predictor. Candidates take turns, round after round, and the
-best round counts, in CPU time of this thread, so that waiting for other processes is left out; still trust ratios, not
-digits. Peers: brute force in torch over the same tables, and trimesh (closest_point and contains); that their
-distances and signs agree with ours is checked before timing.
+Microseconds per encode of 64 points. One thread; 64 differently scaled meshes; every encode has its own rotated pose,
+because a benchmark that repeats a few poses is learnt by the branch predictor. Candidates take turns, round after
+round, and the best round counts, in CPU time of this thread, so that waiting for other processes is left out; still
+trust ratios, not digits. Slow candidates get a part of the batch. Exactness is checked against the float64 twin.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import platform
-import sys
 import time
-from collections.abc import Callable
-from datetime import UTC, datetime
-from pathlib import Path
+from typing import Any
 
-import numba
 import numpy as np
 import torch
 import trimesh
+from bps_peers import Encode, Meshes, peers, torch_brute
+from record import arguments, from_tests, write
 from scipy.spatial.transform import Rotation
 
-from tactile_kit.shape import MeshTable, basis_points, bps_vectors
+import object_sets
+from tactile_kit.shape import MeshTable, basis_points, bps_vectors, twin
 
 MESHES = 64
-POINTS = torch.from_numpy(basis_points()).float()
-FEATURE = torch.tensor([[1, 4, 5], [2, 5, 6], [3, 4, 6]])  # of (edge, end) in the table's pseudonormals
+ROUND = 0.12  # s of each candidate in a round
 Poses = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
-Encode = Callable[..., torch.Tensor]
 
 
 def nominal(triangles: int) -> trimesh.Trimesh:
@@ -45,178 +39,175 @@ def nominal(triangles: int) -> trimesh.Trimesh:
     return trimesh.creation.torus(0.024, 0.00975, major_sections=sections, minor_sections=sections)
 
 
-def scaled(mesh: trimesh.Trimesh, rng: np.random.Generator) -> list[trimesh.Trimesh]:
+def scaled(mesh: trimesh.Trimesh, rng: np.random.Generator) -> Meshes:
     return [
         trimesh.Trimesh(mesh.vertices * rng.uniform(0.045, 0.09, 3) / 0.0675, mesh.faces, process=False)
         for _ in range(MESHES)
     ]
 
 
-def poses(rng: np.random.Generator, calls: int, batch: int) -> list[Poses]:
-    R = Rotation.random(calls * batch, rng=rng).as_matrix().astype(np.float32).reshape(calls, batch, 3, 3)
-    x = rng.normal(scale=0.01, size=(calls, batch, 3)).astype(np.float32)
-    mesh = rng.integers(MESHES, size=(calls, batch))
-    return [(torch.from_numpy(a), torch.from_numpy(b), torch.from_numpy(c)) for a, b, c in zip(x, R, mesh)]
+def poses(rng: np.random.Generator, batch: int, meshes: int = MESHES) -> Poses:
+    R = Rotation.random(batch, rng=rng).as_matrix().astype(np.float32)
+    x = rng.normal(scale=0.01, size=(batch, 3)).astype(np.float32)
+    return torch.from_numpy(x), torch.from_numpy(R), torch.from_numpy(rng.integers(meshes, size=batch))
 
 
-def torch_brute(table: MeshTable) -> Encode:
-    """Every point against every triangle as dense torch operations (no gradient), in pieces that fit the cache."""
-    offsets, rows, normals, *_ = (torch.from_numpy(array) for array in table.arrays(np.dtype(np.float32)))
-    count = int(offsets[1])
-    rows, normals = rows.reshape(MESHES, count, 20), normals.reshape(MESHES, count, 7, 3)
-    frames, place = (
-        rows[:, :, :12].reshape(MESHES, -1, 4)[:, :, :3],
-        rows[:, :, [3, 7, 11]].reshape(MESHES, 1, -1),
-    )
+class Forward:
+    """Seconds of encoding without gradients."""
 
-    def edges(p: torch.Tensor, t: torch.Tensor, row: torch.Tensor) -> list[tuple[torch.Tensor, ...]]:
-        """Per edge ab, bc, ac: gap to its ends along it, offset across it, its direction."""
-        ab, bx, by, bc, cx, cy, ac = row[..., 12:19].unbind(-1)
-        pb, one, zero = p - ab, torch.ones(()), torch.zeros(())
-        along = (p, pb * bx + t * by, p * cx + t * cy)
-        across = (-t, pb * by - t * bx, t * cx - p * cy)
-        gaps = [torch.minimum(a.clamp(min=0), length) - a for a, length in zip(along, (ab, bc, ac))]
-        return list(zip(gaps, across, (one, bx, cx), (zero, by, cy)))
+    def __init__(self, encode: Encode) -> None:
+        self.encode = encode
 
-    def piece(x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor) -> torch.Tensor:
-        q = (POINTS - x[:, None]) @ R
-        p, t, h = (q @ frames[mesh].transpose(1, 2) + place[mesh]).unflatten(-1, (count, 3)).unbind(-1)
-        (ga, aa, *_), (gb, ab, *_), (gc, ac, *_) = edges(p, t, rows[mesh][:, None])
-        nearest = torch.minimum(torch.minimum(ga * ga + aa * aa, gb * gb + ab * ab), gc * gc + ac * ac)
-        on_face = torch.maximum(torch.maximum(aa, ab), ac) <= 0
-        winner = torch.addcmul(nearest.masked_fill_(on_face, 0), h, h).argmin(-1)
-        # from here on the winners only, (B, 64)
-        p, t, h = (v.gather(2, winner[..., None])[..., 0] for v in (p, t, h))
-        row = rows[mesh[:, None], winner]
-        parts = [torch.stack(torch.broadcast_tensors(*values), -1) for values in zip(*edges(p, t, row))]
-        which = (parts[0] ** 2 + parts[1] ** 2).argmin(-1, keepdim=True)
-        face = parts[1].amax(-1) <= 0
-        gap, across, dx, dy = (part.gather(-1, which)[..., 0] for part in parts)
-        which = which[..., 0]
-        # outward is (dy, -dx) in this frame for ab and bc, (-dy, dx) for ac, which runs the other way round
-        turn = torch.where(which == 2, -1.0, 1.0)
-        in_plane = torch.stack([gap * dx - turn * across * dy, gap * dy + turn * across * dx], -1)
-        offset = torch.cat([in_plane.masked_fill(face[..., None], 0), -h[..., None]], -1)
-        feature = FEATURE[which, (gap > 0).long() + 2 * (gap < 0).long()].masked_fill(face, 0)
-        free = (offset * normals[mesh[:, None], winner, feature]).sum(-1, keepdim=True) <= 0
-        frame = row[..., :12].unflatten(-1, (3, 4))[..., :3]
-        return (offset[..., None, :] @ frame)[..., 0, :] @ R.transpose(1, 2) * free
-
-    def encode(x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor) -> torch.Tensor:
-        step = max(1, 6000 // count)
-        parts = [piece(x[i : i + step], R[i : i + step], mesh[i : i + step]) for i in range(0, len(x), step)]
-        return torch.cat(parts)
-
-    return encode
+    def __call__(self, batch: Poses) -> float:
+        start = time.thread_time()
+        self.encode(*batch)
+        return time.thread_time() - start
 
 
-def with_trimesh(meshes: list[trimesh.Trimesh]) -> Encode:
-    def one(x: np.ndarray, R: np.ndarray, mesh: trimesh.Trimesh) -> np.ndarray:
-        q = (POINTS.numpy() - x) @ R
-        closest, _, _ = trimesh.proximity.closest_point(mesh, q)
-        return np.where(mesh.contains(q)[:, None], 0.0, (closest - q) @ R.T)
+class Backward:
+    """Seconds of our backward pass, the forward pass left out."""
 
-    def encode(x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor) -> torch.Tensor:
-        return torch.from_numpy(
-            np.stack([one(*pose, meshes[i]) for *pose, i in zip(x.numpy(), R.numpy(), mesh)])
-        )
+    def __init__(self, table: MeshTable, rng: np.random.Generator) -> None:
+        self.table, self.rng = table, rng
 
-    return encode
+    def __call__(self, batch: Poses) -> float:
+        x, R, mesh = batch[0].clone().requires_grad_(), batch[1].clone().requires_grad_(), batch[2]
+        vectors = bps_vectors(self.table, x, R, mesh)
+        gradient = torch.from_numpy(self.rng.normal(size=vectors.shape).astype(np.float32))
+        start = time.thread_time()
+        torch.autograd.grad(vectors, (x, R), gradient)
+        return time.thread_time() - start
 
 
-def check(name: str, encode: Encode, table: MeshTable, rng: np.random.Generator) -> None:
+class WarpBackward:
+    """Seconds of Warp's backward pass, the forward pass left out."""
+
+    def __init__(self, warp: Any, rng: np.random.Generator) -> None:
+        self.warp, self.rng = warp, rng
+
+    def __call__(self, batch: Poses) -> float:
+        gradient = torch.from_numpy(self.rng.normal(size=(len(batch[0]), 64, 3)).astype(np.float32))
+        run, _, _ = self.warp.recorded(*batch, gradient)
+        start = time.thread_time()
+        run()
+        return time.thread_time() - start
+
+
+def measure(triangles: int, batch: int, rounds: int, quick: bool) -> dict[str, Any]:
+    """Microseconds per encode of each candidate, best of the rounds."""
+    rng = np.random.default_rng(0)
+    meshes = scaled(nominal(triangles), rng)
+    start = time.thread_time()
+    table = MeshTable.from_meshes([(mesh.vertices, mesh.faces) for mesh in meshes])
+    best: dict[str, Any] = {"build_per_mesh": (time.thread_time() - start) / MESHES * 1e6}
+    assert len(table.corners) == MESHES * triangles
+    others = peers(meshes) | {"torch": torch_brute(table)}
+    for name, encode in others.items():
+        agree(name, encode, table, rng)
+    candidates: dict[str, Any] = {"ours": Forward(lambda *pose: bps_vectors(table, *pose))}
+    candidates |= {name: Forward(encode) for name, encode in others.items()}
+    candidates["ours backward"] = Backward(table, rng)
+    if "warp" in others:
+        candidates["warp backward"] = WarpBackward(others["warp"], rng)
+    plan = {name: _plan(candidate, batch, rng, quick) for name, candidate in candidates.items()}
+    for _ in range(rounds):
+        for name, candidate in candidates.items():
+            rows, calls = plan[name]
+            batches = [poses(rng, rows) for _ in range(calls)]
+            taken = sum(candidate(one) for one in batches) / (rows * calls) * 1e6
+            best[name] = min(best.get(name, np.inf), taken)
+    return {name: round(value, 3) for name, value in best.items()}
+
+
+def _plan(candidate: Any, batch: int, rng: np.random.Generator, quick: bool) -> tuple[int, int]:
+    """Rows and calls of a candidate in a round: the whole batch where that takes less than half a second."""
+    few = poses(rng, min(batch, 32))
+    candidate(few)
+    cost = min(candidate(few) for _ in range(3)) / len(few[0])
+    rows = min(batch, max(32, int(0.5 / cost)))
+    return rows, 1 if quick else max(1, min(int(ROUND / (cost * rows)), 2000))
+
+
+def agree(name: str, encode: Encode, table: MeshTable, rng: np.random.Generator) -> None:
     """A peer that answers something else is not compared. Lengths: near-ties may point elsewhere."""
-    batch = poses(rng, 1, 32)[0]
-    error = (encode(*batch).norm(dim=-1) - bps_vectors(table, *batch).norm(dim=-1)).abs()
+    batch = poses(rng, 32)
+    wanted, found = bps_vectors(table, *batch).norm(dim=-1), encode(*batch).norm(dim=-1)
+    counted = wanted > 0 if name == "libigl" else torch.ones_like(wanted, dtype=torch.bool)
+    error = (found - wanted).abs()[counted]
     if (error > 1e-5).double().mean() > 1e-3:
         raise SystemExit(
             f"{name} disagrees with ours: largest difference of lengths {float(error.max()):.2e} m"
         )
 
 
-def seconds(encode: Encode, batches: list[Poses]) -> float:
-    start = time.thread_time()
-    for batch in batches:
-        encode(*batch)
-    return time.thread_time() - start
+def hard_meshes() -> Meshes:
+    """The tests' spikes, wedges and slabs."""
+    return list(from_tests("shape/bps_cases.py").hard_shapes().values())
 
 
-def backward_seconds(table: MeshTable, batches: list[Poses], gradient: torch.Tensor) -> float:
-    total = 0.0
-    for x, R, mesh in batches:
-        x, R = x.requires_grad_(), R.requires_grad_()
-        vectors = bps_vectors(table, x, R, mesh)
-        start = time.thread_time()
-        torch.autograd.grad(vectors, (x, R), gradient)
-        total += time.thread_time() - start
-        x.requires_grad_(False), R.requires_grad_(False)
-    return total
+def exactness(poses_a_mesh: int) -> dict[str, Any]:
+    """Distances and signs against the float64 twin: all objects, half of the poses at random extents, hard shapes.
 
-
-def measure(triangles: int, batch: int, encodes: int, rounds: int) -> dict[str, float]:
-    """Microseconds per encode of each candidate, best of the rounds."""
-    rng = np.random.default_rng(0)
-    meshes = scaled(nominal(triangles), rng)
-    start = time.thread_time()
+    Signs within 1e-6 m of the surface are not counted.
+    """
+    rng = np.random.default_rng(1)
+    objects = list(object_sets.load("all"))
+    meshes = [trimesh.Trimesh(thing.vertices, thing.faces, process=False) for thing in objects]
+    for thing in objects:
+        other = thing.with_extents(rng.uniform(0.045, 0.09, 3))
+        meshes.append(trimesh.Trimesh(other.vertices, other.faces, process=False))
+    meshes += hard_meshes()
     table = MeshTable.from_meshes([(mesh.vertices, mesh.faces) for mesh in meshes])
-    build = time.thread_time() - start
-    assert len(table.corners) == MESHES * triangles
-    # Slow candidates get fewer encodes, at least one call.
-    shares = {"ours": (lambda *p: bps_vectors(table, *p), 1.0)}
-    shares["torch"] = (torch_brute(table), min(1.0, 6 / triangles))
-    shares["trimesh"] = (with_trimesh(meshes), 0.004)
-    for name, (encode, _) in shares.items():
-        check(name, encode, table, rng)
-    gradient = torch.from_numpy(rng.normal(size=(batch, 64, 3)).astype(np.float32))
-    best: dict[str, float] = {"build_per_mesh": build / MESHES * 1e6}
-    for _ in range(rounds):
-        batches = poses(rng, max(1, encodes // batch), batch)
-        for name, (encode, share) in shares.items():
-            some = batches[: max(1, int(len(batches) * share))]
-            if name == "trimesh":
-                some = [tuple(part[:32] for part in some[0])] if batch > 32 else some
-            count = sum(len(x) for x, _, _ in some)
-            best[name] = min(best.get(name, np.inf), seconds(encode, some) / count * 1e6)
-        some = batches[: max(1, 2000 // batch)]
-        taken = backward_seconds(table, some, gradient) / (len(some) * batch) * 1e6
-        best["ours_backward"] = min(best.get("ours_backward", np.inf), taken)
-    return {name: round(value, 3) for name, value in best.items()}
+    x, R, _ = poses(rng, poses_a_mesh * len(meshes))
+    mesh = torch.arange(len(meshes)).repeat_interleave(poses_a_mesh)
+    distance, inside = reference(table, x, R, mesh)
+    candidates = {"ours": lambda *pose: bps_vectors(table, *pose)} | peers(meshes)
+    result: dict[str, Any] = {"queries": distance.numel(), "inside": int(inside.sum())}
+    for name, encode in candidates.items():
+        length = encode(x, R, mesh).double().norm(dim=-1)
+        clear = distance > 1e-6
+        wrong = clear & ((length == 0) != inside)
+        error = (length - distance).abs()[clear & ~inside & (length > 0)]
+        result[name] = {
+            "largest_distance_error_m": float(error.max()),
+            "sign_errors": None if name == "libigl" else int(wrong.sum()),
+            "deepest_sign_error_m": None if name == "libigl" else float((distance * wrong).max()),
+        }
+    return result
 
 
-def machine() -> dict[str, str | int]:
-    model = "unknown"
-    if Path("/proc/cpuinfo").exists():
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        model = next(
-            (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), model
-        )
-    versions = {"python": platform.python_version(), "numpy": np.__version__, "numba": numba.__version__}
-    versions |= {"torch": torch.__version__, "trimesh": trimesh.__version__}
-    return {"cpu": model, "threads": 1, "date": datetime.now(UTC).isoformat(timespec="seconds"), **versions}
+def reference(
+    table: MeshTable, x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Distances and insideness ``(B, 64)`` by the twin."""
+    points, distances, insides = torch.from_numpy(basis_points()), [], []
+    for position, rotation, index in zip(x.double(), R.double(), mesh):
+        posed = torch.from_numpy(table.triangles(int(index))) @ rotation.T + position
+        distances.append((twin.closest_points(points, posed) - points).norm(dim=-1))
+        insides.append(twin.inside(points, posed))
+    return torch.stack(distances), torch.stack(insides)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--batches", type=int, nargs="+", default=[1, 32, 1024])
-    parser.add_argument("--triangles", type=int, nargs="+", default=[12, 60, 300, 5000])
-    parser.add_argument("--quick", action="store_true", help="a few encodes only, to see that it runs")
-    parser.add_argument("--out", type=Path, help="also write the JSON there")
-    arguments = parser.parse_args()
+    def add(parser: argparse.ArgumentParser) -> None:
+        parser.add_argument("--batches", type=int, nargs="+", default=[1, 32, 1024, 6400])
+        parser.add_argument("--triangles", type=int, nargs="+", default=[12, 60, 300, 5000])
+
+    options = arguments(__doc__ or "", add)
     torch.set_num_threads(1)
     rows = []
-    for triangles in arguments.triangles:
-        for batch in arguments.batches:
-            encodes = 64 if arguments.quick else (6400 if triangles < 1000 else 2048)
-            row = measure(triangles, batch, encodes, rounds=1 if arguments.quick else 5)
+    for triangles in options.triangles:
+        for batch in options.batches:
+            row = measure(triangles, batch, 1 if options.quick else 5, options.quick)
             rows.append({"triangles": triangles, "batch": batch, **row})
-            print(rows[-1], file=sys.stderr, flush=True)
-    text = json.dumps(
-        {"benchmark": "bps", "unit": "microseconds per encode", "machine": machine(), "rows": rows}, indent=1
-    )
-    if arguments.out:
-        arguments.out.parent.mkdir(parents=True, exist_ok=True)
-        arguments.out.write_text(text + "\n")
-    print(text)
+            print(rows[-1], flush=True)
+    results = {
+        "unit": "microseconds per encode of 64 points, one thread",
+        "rows": rows,
+        "exactness": exactness(2 if options.quick else 40),
+    }
+    packages = ("numpy", "numba", "torch", "warp-lang", "open3d-cpu", "open3d", "libigl", "trimesh")
+    write("bps", results, options, packages)
 
 
 if __name__ == "__main__":

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import importlib.metadata
+import importlib.util
 import json
 import os
 import platform
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -61,17 +63,32 @@ def machine(packages: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-class Sections:
-    """CPU seconds of this thread by section; the time of an inner section does not count for the outer one."""
+def from_tests(path: str) -> Any:
+    """A helper module of the tests, by its path below ``tests/``."""
+    name = f"tests_{Path(path).stem}"
+    spec = importlib.util.spec_from_file_location(name, ROOT / "tests" / path)
+    assert spec is not None and spec.loader is not None
+    sys.modules[name] = module = importlib.util.module_from_spec(spec)  # dataclasses look there
+    spec.loader.exec_module(module)
+    return module
 
-    def __init__(self) -> None:
+
+class Sections:
+    """Seconds by section; the time of an inner section does not count for the outer one.
+
+    Args:
+        clock: by default the CPU time of this thread.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.thread_time) -> None:
+        self.clock = clock
         self.seconds: dict[str, float] = {}
         self.calls: dict[str, int] = {}
         self._inner = [0.0]
 
     def wrap(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
         """``function``, its time counted as ``name``."""
-        clock, inner, seconds, calls = time.thread_time, self._inner, self.seconds, self.calls
+        clock, inner, seconds, calls = self.clock, self._inner, self.seconds, self.calls
         seconds[name], calls[name] = 0.0, 0
 
         def timed(*args: Any, **kwargs: Any) -> Any:
