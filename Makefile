@@ -6,6 +6,8 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 PIP_ARGS ?=
 PYTEST_ARGS ?=
 REPRODUCE_ARGS ?=
+# BENCH_ARGS=--quick: only see that all of them run
+BENCH_ARGS ?=
 JOBS ?= 2
 
 VENV := .venv
@@ -51,10 +53,10 @@ format: setup  ## mend the style
 	$(BIN)/ruff check --fix $(CODE)
 	$(BIN)/ruff format $(CODE)
 
-bench: setup  ## measure speed (peers: make bench after .venv/bin/pip install -c constraints.txt -e '.[bench]')
+bench: setup  ## measure speed and physics, about half an hour; the tables of docs/speed.md and docs/physics.md
 	@for script in benchmarks/bench_*.py; do \
-		test -e "$$script" || { echo "no benchmarks/bench_*.py"; exit 1; }; \
-		echo "$$script"; OMP_NUM_THREADS=1 $(BIN)/python "$$script" || exit 1; done
+		echo "$$script"; OMP_NUM_THREADS=1 $(BIN)/python "$$script" $(BENCH_ARGS) || exit 1; done
+	$(BIN)/python benchmarks/render.py
 
 docs: setup  ## the pages that are made from data
 	$(BIN)/python -m randomization.table docs/randomization.md

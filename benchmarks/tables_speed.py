@@ -225,9 +225,9 @@ def bfloat16(record: Record) -> list[str]:
     for algorithm, row in toy.items():
         finals = row["final_angle_rad"]
         mean = {name: sum(values) / len(values) for name, values in finals.items()}
-        error = row["standard_error_rad"]
+        error = "unknown" if row["standard_error_rad"] is None else f"{row['standard_error_rad']:.3f}"
         lines.append(
             f"| {algorithm} | {mean['float32']:.3f} | {mean['bfloat16']:.3f} "
-            f"| {row['difference_rad']:+.3f} ± {error if error is None else f'{error:.3f}'} | {len(finals['float32'])} |"
+            f"| {row['difference_rad']:+.3f} ± {error} | {len(finals['float32'])} |"
         )
     return lines
