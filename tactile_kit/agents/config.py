@@ -99,6 +99,13 @@ class SACConfig(Settings):
     anchor_floor: float = Field(0.0, ge=0, description="Least weight of the anchor.")
     exploration: ExplorationConfig = ExplorationConfig()
     actor_every: PositiveInt = Field(1, description="Critic updates an actor update.")
+    demonstrations: str | None = Field(None, description="Directory of planned episodes to learn from too.")
+    demonstration_share: float = Field(0.25, ge=0, lt=1, description="Their share of each batch.")
+    clone: float = Field(
+        0.0,
+        ge=0,
+        description="Weight of the distance from a demonstrated action that the critics rate above the policy's.",
+    )
     random_goals: float = Field(
         0.25, ge=0, le=1, description="Share of each batch given random goals on SO(3)."
     )

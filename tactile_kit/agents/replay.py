@@ -34,19 +34,17 @@ class Batch:
     terminated: torch.Tensor
 
 
-def angle(a, b):
-    """Geodesic angle between ``(B, 3, 3)`` rotations, rad.
-
-    From sine and cosine: in float32 the chord alone (``rotations.geodesic``) would lose half its digits near pi.
-    """
-    turn = a @ b.transpose(0, 2, 1)
-    x, y, z = turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]
-    return np.arctan2(np.sqrt(x * x + y * y + z * z), turn[:, 0, 0] + turn[:, 1, 1] + turn[:, 2, 2] - 1.0)
+def joined(first: Batch, second: Batch) -> Batch:
+    """Both batches, one after the other."""
+    return Batch(
+        *(torch.cat([getattr(first, name), getattr(second, name)]) for name in Batch.__annotations__)
+    )
 
 
 def rotation_reward(before, after, goal, weight: float, clip: float):
     """The paper's rotation term, lambda_theta min(theta_before - theta_after, theta_clip), ``(B,)``."""
-    return weight * np.minimum(angle(before, goal) - angle(after, goal), clip)
+    gained = rotations.geodesic(before, goal) - rotations.geodesic(after, goal)
+    return weight * np.minimum(gained, clip)
 
 
 def goal_term(goal, belief):
@@ -157,6 +155,20 @@ class GoalReplay(BaseBuffer):
         self.pos += 1
         if self.pos == self.rows:
             self.pos, self.full = 0, True
+
+    def fill(self, arrays: dict[str, np.ndarray]) -> None:
+        """Fill all rows at once (one environment): ``observations, next_observations (N, D)``, ``actions (N, A)``,
+        ``rotations (N, 4, 3, 3)``, ``goals (N, 3, 3)``, and ``(N,)``: both rewards, ``terminated``, ``done``,
+        ``episodes`` (counting from 0)."""
+        if self.n_envs != 1 or len(arrays["done"]) != self.rows:
+            raise ValueError(
+                f"{len(arrays['done'])} transitions for {self.rows} rows of {self.n_envs} environments"
+            )
+        for name, values in arrays.items():
+            getattr(self, name)[:, 0] = values
+        self.times[:] = np.arange(self.rows)
+        self._last_time[self.episodes[:, 0] % self.rows, 0] = self.times  # later rows overwrite earlier ones
+        self.full, self._time = True, self.rows
 
     def end_episodes(self) -> None:
         """The environments were reset from outside: what comes next belongs to new episodes."""

@@ -20,7 +20,7 @@ from tactile_kit.agents.config import SACConfig
 from tactile_kit.agents.exploration import Exploration
 from tactile_kit.agents.networks import InputLayout
 from tactile_kit.agents.policies import HandSACPolicy
-from tactile_kit.agents.replay import GoalReplay
+from tactile_kit.agents.replay import Batch, GoalReplay, joined
 from tactile_kit.agents.state import (
     Means,
     Tensors,
@@ -62,9 +62,10 @@ class SAC(stable_baselines3.SAC):
         self.noise = torch.Generator().manual_seed(derive(seed, "learner", "noise"))
         self._rest = None if rest is None else torch.tensor(rest, dtype=torch.float32)
         self.exploration = Exploration(config.exploration, env.action_space.shape[0], self.noise)  # type: ignore[index]
+        self.teacher: GoalReplay | None = None
         self._debt = 0.0  # gradient steps owed, for fractional ratios
         self._means = Means()
-        replay: dict[str, Any] = {
+        self.replay_settings = replay = {
             "goal": env.layout.slice("goal"),  # type: ignore[attr-defined]
             "rng": stream(seed, "learner", "replay"),
             "random_goals": config.random_goals,
@@ -104,6 +105,10 @@ class SAC(stable_baselines3.SAC):
         assert self.ent_coef_optimizer is not None
         self.ent_coef_optimizer = torch.optim.Adam([self.log_ent_coef], lr=config.entropy_learning_rate)
         self.policy.set_training_mode(False)
+
+    def learn_from(self, teacher: GoalReplay) -> None:
+        """Draw a share of each batch from ``teacher``, and imitate it where the critics find its actions better."""
+        self.teacher = teacher
 
     def set_random_seed(self, seed: int | None = None) -> None:
         """SB3's hook seeds global generators; this learner has its own."""
@@ -174,7 +179,7 @@ class SAC(stable_baselines3.SAC):
         size = batch_size or config.batch
         assert self.log_ent_coef is not None and self.ent_coef_optimizer is not None
         for _ in range(gradient_steps):
-            batch = self.replay_buffer.sample(size)
+            batch = self._sample(size)
             noise = torch.randn(2, *batch.actions.shape, generator=self.noise)
             temperature = self.log_ent_coef.detach().exp()
             now, following = norm(batch.observations), norm(batch.next_observations)
@@ -193,13 +198,23 @@ class SAC(stable_baselines3.SAC):
             critic_loss.backward()
             self.critic.optimizer.step()
             if self._n_updates % config.actor_every == 0:
-                self._update_actor(now, noise[1], temperature, critic_parameters)
+                self._update_actor(now, batch.actions, noise[1], temperature, critic_parameters)
             with torch.no_grad():
                 torch._foreach_lerp_(target_parameters, critic_parameters, config.tau)
             self._n_updates += 1
             self._means.add(critic_loss=critic_loss, value=values.mean(), reward_step=batch.rewards.mean())
 
-    def _update_actor(self, now, noise, temperature, critic_parameters) -> None:
+    def _sample(self, size: int) -> Batch:
+        """A batch, the teacher's share at its end."""
+        if self.teacher is None:
+            return self.replay_buffer.sample(size)
+        shown = self._shown(size)
+        return joined(self.replay_buffer.sample(size - shown), self.teacher.sample(shown))
+
+    def _shown(self, size: int) -> int:
+        return 0 if self.teacher is None else round(size * self.config.demonstration_share)
+
+    def _update_actor(self, now, taken, noise, temperature, critic_parameters) -> None:
         actor, critic = self.actor.network, self.critic.network
         for parameter in critic_parameters:  # no gradients for weights that this loss does not move
             parameter.requires_grad_(False)
@@ -211,6 +226,14 @@ class SAC(stable_baselines3.SAC):
             if self.anchor > 0:
                 # critics know little beyond the first, holding policy: the actor leaves it only as fast as they learn
                 actor_loss = actor_loss + self.anchor * (torch.tanh(mean) - self._rest).square().sum(1).mean()
+            if self.config.clone > 0 and self.teacher is not None:
+                own = slice(len(now) - self._shown(len(now)), None)
+                with torch.no_grad():
+                    shown = critic.embed(critic.features.embed(now[own]), taken[own]).amin(0)
+                better = (shown > value[own].detach()).float()
+                distance = (torch.tanh(mean[own]) - taken[own]).square().sum(1)
+                actor_loss = actor_loss + self.config.clone * (better * distance).mean()
+                self._means.add(cloned=better.mean())
         self.actor.optimizer.zero_grad()
         actor_loss.backward()
         self.actor.optimizer.step()

@@ -9,7 +9,7 @@ noise on all joints does not.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +26,17 @@ Array = NDArray[np.float64]
 class PlannerConfig(Settings):
     """How the planner searches."""
 
-    samples: PositiveInt = Field(40, description="Sequences tried before each action, the last best one among them.")
+    samples: PositiveInt = Field(
+        40, description="Sequences tried before each action, the last best one among them."
+    )
     horizon: PositiveInt = Field(10, description="Actions a sequence, 0.1 s each.")
     knots: PositiveInt = Field(5, description="Knots a sequence; actions between them are interpolated.")
-    spread: PositiveFloat = Field(0.3, description="Standard deviation of the knots, in units of half the joint range.")
-    few_fingers: float = Field(0.6, ge=0, le=1, description="Share of the sequences that move one or two fingers only.")
+    spread: PositiveFloat = Field(
+        0.3, description="Standard deviation of the knots, in units of half the joint range."
+    )
+    few_fingers: float = Field(
+        0.6, ge=0, le=1, description="Share of the sequences that move one or two fingers only."
+    )
     drop: float = Field(3.0, ge=0, description="Price of a drop in a sequence.")
     angle: float = Field(1.0, ge=0, description="Weight of the whole angle gained over a sequence, 1/rad.")
 
@@ -38,6 +44,30 @@ class PlannerConfig(Settings):
 def angle_between(first: Array, second: Array) -> float:
     """Geodesic angle (rad) of two rotations ``(3, 3)``."""
     return math.acos(min(1.0, max(-1.0, 0.5 * (float(np.vdot(first, second)) - 1.0))))
+
+
+class State(NamedTuple):
+    """What an agent is told of a moment: ``z (144,)``, ``x (3,)``, ``R (3, 3)``, driven joints ``q (12,)``."""
+
+    z: NDArray[np.float32]
+    x: Array
+    R: Array
+    q: Array
+
+    @classmethod
+    def of(cls, world: World) -> State:
+        """The world's present state."""
+        z = np.stack([world.q, world.e], axis=1).astype(np.float32).ravel()
+        return cls(z, world.position, world.rotation, world.joints[DRIVEN_INDEX])
+
+
+class Rollout(NamedTuple):
+    """A sequence played: ``N + 1`` states, actions ``(N, 12)``, its score, whether it ended in a drop or fault."""
+
+    states: list[State]
+    actions: Array
+    score: float
+    failed: bool
 
 
 class Planner:
@@ -48,12 +78,19 @@ class Planner:
             is unknown to it.
         config: settings.
         reward: the reward's coefficients (paper, section II-E).
+
+    Attributes:
+        rollouts: everything played for the last action.
     """
 
     def __init__(
         self, simulator: Simulator, config: PlannerConfig | None = None, reward: RewardConfig | None = None
     ) -> None:
-        self.simulator, self.config, self.reward = simulator, config or PlannerConfig(), reward or RewardConfig()
+        self.simulator, self.config, self.reward = (
+            simulator,
+            config or PlannerConfig(),
+            reward or RewardConfig(),
+        )
         self.world = World(simulator.world.config)
         config = self.config
         places = np.linspace(0, config.knots - 1, config.horizon)
@@ -73,13 +110,12 @@ class Planner:
         action = (real.command - MIDDLE) / FULL_RANGE
         self.best = np.tile(action, (self.config.horizon, 1))
 
-    def act(self, goal: Array, proposals: Callable[[], Array] | None = None) -> Array:
+    def act(self, goal: Array) -> Array:
         """The next action ``(12,)`` in [-1, 1] towards the goal orientation ``(3, 3)``."""
         moment = self.simulator.world.snapshot()
-        self.world.physics["gravity"] = self.simulator.world.physics["gravity"]
         candidates = self._candidates()
-        self.scores = np.array([self.score(moment, sequence, goal) for sequence in candidates])
-        self.best = candidates[int(self.scores.argmax())]
+        self.rollouts = [self.roll_out(moment, sequence, goal) for sequence in candidates]
+        self.best = candidates[int(np.argmax([rollout.score for rollout in self.rollouts]))]
         action = self.best[0].copy()
         self.best = np.concatenate([self.best[1:], self.best[-1:]])
         return action
@@ -94,30 +130,39 @@ class Planner:
         noise *= (order < moved[:, None])[:, None, :, None]
         noise *= rng.uniform(0.2, 1.0, (config.samples, 1, 1, 1))  # small corrections and large ones
         noise[0] = 0.0
-        sequences = self.best + np.einsum("hk,skj->shj", self._mix, noise.reshape(config.samples, config.knots, JOINTS))
+        sequences = self.best + np.einsum(
+            "hk,skj->shj", self._mix, noise.reshape(config.samples, config.knots, JOINTS)
+        )
         return np.clip(sequences, -1.0, 1.0)
 
-    def score(self, moment: Snapshot, sequence: Array, goal: Array) -> float:
-        """Reward of playing ``sequence (H, 12)`` from ``moment``."""
-        world, reward = self.world, self.reward
+    def roll_out(self, moment: Snapshot, sequence: Array, goal: Array) -> Rollout:
+        """Play ``sequence (H, 12)`` from ``moment`` in the planner's own world."""
+        world, reward, simulator = self.world, self.reward, self.simulator
         world.restore(moment)
+        states = [State.of(simulator.world)]
         total, before = 0.0, angle_between(world.rotation, goal)
-        first = before
-        away = float(np.linalg.norm(world.position - self.origin))
-        for action in sequence:
+        first, away = before, float(np.linalg.norm(world.position - self.origin))
+        failed = False
+        for number, action in enumerate(sequence):
             try:
-                world.step(MIDDLE + FULL_RANGE * action)
+                world.step(MIDDLE + FULL_RANGE * action, simulator.noise(simulator.elapsed + number))
             except PhysicsFault:
-                self.world.load(self.simulator.world.body, self.simulator.world.physics)
-                return total - self.config.drop
+                world.load(simulator.world.body, simulator.world.physics)
+                failed = True
+                break
+            states.append(State.of(world))
             theta = angle_between(world.rotation, goal)
             distance = float(np.linalg.norm(world.position - self.origin))
-            total += reward.rotation * min(before - theta, reward.rotation_clip) - reward.position * (distance - away)
+            total += reward.rotation * min(before - theta, reward.rotation_clip) - reward.position * (
+                distance - away
+            )
             total -= reward.posture * float(((world.joints[DRIVEN_INDEX] - MEAN_GRASP) ** 4).sum())
             before, away = theta, distance
             if dropped(world.position):
-                return total - self.config.drop
-        return total + self.config.angle * (first - before)
+                failed = True
+                break
+        total += -self.config.drop if failed else self.config.angle * (first - before)
+        return Rollout(states, sequence[: len(states) - 1], total, failed and len(states) > 1)
 
     def close(self) -> None:
         """Disconnect the planner's own world."""

@@ -72,8 +72,12 @@ def train(
         for message in messages:
             progress.say(message)
         env = (make_env or default_env)(config)
+        if hasattr(env, "simulation"):
+            env.simulation.faults = directory / "faults"
         try:
             run = Run(config, directory, make_learner(config, env), env)
+            if config.algorithm == "sac" and config.sac.demonstrations:
+                _add_teacher(run, progress)
             if saved is not None:
                 run.restore(saved)
                 if saved.replay is None and config.algorithm == "sac":
@@ -94,6 +98,16 @@ def train(
             progress.close()
             env.close()
     return directory
+
+
+def _add_teacher(run: Run, progress: Progress) -> None:
+    from randomization import stream
+    from tactile_kit.planning.teaching import replay_of
+
+    settings = {**run.learner.replay_settings, "rng": stream(run.config.seed, "learner", "teacher")}
+    teacher = replay_of(run.env, str(run.config.sac.demonstrations), **settings)
+    run.learner.learn_from(teacher)
+    progress.say(f"{len(teacher):,} demonstrated transitions")
 
 
 def finished(directory: str | Path) -> bool:
