@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from enum import IntEnum
 
@@ -12,6 +13,7 @@ import randomization
 from tactile_kit.hand import kinematics
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import CONTROL_RATE, SAMPLES, SimulationConfig
+from tactile_kit.simulation.dump import Dump, record
 from tactile_kit.simulation.grasps import GraspBank
 from tactile_kit.simulation.world import PhysicsFault, World
 
@@ -19,6 +21,9 @@ LOWEST = -0.05  # m: below, the object is dropped
 WIDEST = 0.10  # m: |x| beyond, the object is dropped
 FULL_RANGE = 0.5 * (kinematics.JOINT_UPPER - kinematics.JOINT_LOWER)
 MIDDLE = 0.5 * (kinematics.JOINT_UPPER + kinematics.JOINT_LOWER)
+# Twice what the wildest actions bring about (2.2 m/s and 35 rad/s), and more than they push a finger in (18 mm).
+MAX_SPEED, MAX_SPIN = 5.0, 70.0  # of the object, m/s and rad/s
+MAX_DEPTH = 0.025  # m of a finger inside the object
 RELATIVE_STEP = 0.2  # rad an action, for the relative action of the lab's earlier work
 
 
@@ -38,6 +43,10 @@ def dropped(position: NDArray) -> NDArray | bool:
 
 class Simulator:
     """A world that plays episodes.
+
+    An episode ends in a fault where an action is not finite, or where the physics left the range in which it means
+    anything: a state that is not finite, joints or an object of impossible speed, a finger deep inside the object.
+    Then ``fault`` says what happened, the state stays the last good one, and ``dump`` holds the way there.
 
     Args:
         config: physics.
@@ -64,11 +73,13 @@ class Simulator:
         self.relative = relative
         self.elapsed = 0
         self.fault: str | None = None
+        self.start: tuple[int, int, float] = (0, 0, 0.0)  # variant, seed and gravity of the episode
+        self.actions: list[NDArray] = []  # of the episode
         self._every = {name: t.interval for name, t in preset.terms.items() if t.interval is not None}
 
     def reset(self, variant: int, seed: int, gravity: float) -> None:
         """Start an episode: everything random comes from ``seed``; ``gravity`` in m/s^2."""
-        world = self.world
+        world, self.start, self.actions = self.world, (variant, seed, gravity), []
         self.physics = {**self.preset.draw("episode", seed), "gravity": gravity}
         self._steps = self.preset.draw_steps(seed, self.horizon * SAMPLES)
         self._intervals = self.preset.draw_intervals(seed, self.horizon / CONTROL_RATE)
@@ -84,6 +95,7 @@ class Simulator:
         """Play one action ``(12,)`` in [-1, 1]."""
         world, number = self.world, self.elapsed
         self.elapsed += 1
+        self.actions.append(np.array(action, dtype=np.float64))
         if not np.isfinite(action).all():
             self.fault = f"action {action} is not finite"
             return Status.FAULT
@@ -96,12 +108,11 @@ class Simulator:
             else:
                 self._target = MIDDLE + FULL_RANGE * action
         self._disturb(number / CONTROL_RATE)
-        noise = self._steps.get("joint_noise")
-        if noise is not None:
-            noise = noise[number * SAMPLES : (number + 1) * SAMPLES]
+        noise = self.noise(number)
         before = world.q.copy(), world.e.copy(), world.joints, world.position, world.rotation
         try:
             world.step(self._target, noise)
+            self._check()
         except PhysicsFault as error:
             # the last state that means something
             world.q, world.e, world.joints, world.position, world.rotation = before
@@ -110,6 +121,30 @@ class Simulator:
         if dropped(world.position):
             return Status.DROP
         return Status.TIME if self.elapsed >= self.horizon else Status.RUNNING
+
+    def _check(self) -> None:
+        """Raises PhysicsFault where the object is ejected or a finger is inside of it."""
+        world = self.world
+        velocity, spin = world.bullet.getBaseVelocity(world.object)
+        speed, turning = math.hypot(*velocity), math.hypot(*spin)
+        if not (speed <= MAX_SPEED and turning <= MAX_SPIN):
+            raise PhysicsFault(f"object at {speed:.3g} m/s and {turning:.3g} rad/s")
+        distances = [point[8] for point in world.bullet.getContactPoints(world.object)]
+        if distances and min(distances) < -MAX_DEPTH:
+            raise PhysicsFault(f"a finger {-1e3 * min(distances):.0f} mm inside the object")
+
+    def dump(self) -> Dump:
+        """The present episode so far, to be written and played again (see ``tactile_kit.simulation.dump``)."""
+        return record(self)
+
+    def noise(self, number: int) -> NDArray | None:
+        """Measurement noise ``(6, 12)`` rad of control step ``number``; None where there is none (any more)."""
+        rows = self._steps.get("joint_noise")
+        return (
+            rows[number * SAMPLES : (number + 1) * SAMPLES]
+            if rows is not None and number < self.horizon
+            else None
+        )
 
     def _disturb(self, time: float) -> None:
         if not self._intervals:

@@ -9,136 +9,27 @@ from __future__ import annotations
 import itertools
 import multiprocessing
 import os
+import shutil
+import signal
 import sys
-import traceback
-from collections.abc import Sequence
-from dataclasses import dataclass
+import tempfile
+import time
+import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tactile_kit.hand.kinematics import JOINTS
-from tactile_kit.simulation.config import SAMPLES
-from tactile_kit.simulation.simulator import Simulator, Status
+from tactile_kit.simulation.dump import Dump, write
+from tactile_kit.simulation.simulator import Simulator
+from tactile_kit.simulation.worker import FIELDS, Blueprint, Group, views_of, work
 
-# name: (shape of one environment's entry, dtype)
-FIELDS: dict[str, tuple[tuple[int, ...], type]] = {
-    "action": ((JOINTS,), np.float32),
-    "next_variant": ((), np.int64),
-    "next_seed": ((), np.int64),
-    "next_gravity": ((), np.float64),
-    "status": ((), np.int64),
-    # after the step, before any new episode
-    "z": ((SAMPLES * 2 * JOINTS,), np.float32),
-    "x": ((3,), np.float64),
-    "R": ((3, 3), np.float64),
-    "q": ((JOINTS,), np.float64),
-    # where an episode ended: first state of the next one
-    "z0": ((SAMPLES * 2 * JOINTS,), np.float32),
-    "x0": ((3,), np.float64),
-    "R0": ((3, 3), np.float64),
-    "q0": ((JOINTS,), np.float64),
-}
 TIMEOUT = 300.0  # s without an answer after which a worker counts as hung
+MAX_DUMPS = 100  # faults kept in a folder
 
 
 class WorkerError(RuntimeError):
     """A worker process raised, died or hung; the message holds its traceback where there is one."""
-
-
-@dataclass(frozen=True)
-class Blueprint:
-    """What a worker needs to build its simulators (arguments of :class:`Simulator`)."""
-
-    config: Any
-    bodies: Sequence[Any]
-    bank: Any
-    preset: Any
-    horizon: int
-    relative: bool
-
-    def build(self, visible: bool = False) -> Simulator:
-        """A new simulator."""
-        return Simulator(
-            self.config, self.bodies, self.bank, self.preset, self.horizon, self.relative, visible
-        )
-
-
-def _views(memory: dict[str, Any], environments: int) -> dict[str, np.ndarray]:
-    views: dict[str, np.ndarray] = {}
-    for name, (shape, dtype) in FIELDS.items():
-        views[name] = np.frombuffer(memory[name], dtype=dtype).reshape(environments, *shape)
-    return views
-
-
-class _Group:
-    """The simulators of one worker and their part of the shared arrays."""
-
-    def __init__(self, blueprint: Blueprint, views: dict[str, np.ndarray], members: range) -> None:
-        self.views, self.members = views, members
-        self.simulators = [blueprint.build() for _ in members]
-
-    def reset(self) -> None:
-        for simulator, index in zip(self.simulators, self.members, strict=True):
-            self._start(simulator, index)
-
-    def step(self) -> dict[int, dict[str, Any]]:
-        """Step all; returns what is known of ended episodes."""
-        ended = {}
-        views = self.views
-        for simulator, index in zip(self.simulators, self.members, strict=True):
-            status = simulator.step(views["action"][index].astype(np.float64))
-            views["status"][index] = status
-            simulator.read(*(views[name][index] for name in ("z", "x", "R", "q")))
-            if status != Status.RUNNING:
-                ended[index] = {
-                    "fault": simulator.fault,
-                    "steps": simulator.elapsed,
-                    "physics": simulator.physics,
-                }
-                self._start(simulator, index)
-        return ended
-
-    def _start(self, simulator: Simulator, index: int) -> None:
-        views = self.views
-        simulator.reset(
-            int(views["next_variant"][index]),
-            int(views["next_seed"][index]),
-            float(views["next_gravity"][index]),
-        )
-        simulator.read(*(views[name][index] for name in ("z0", "x0", "R0", "q0")))
-
-    def close(self) -> None:
-        for simulator in self.simulators:
-            simulator.close()
-
-
-def _work(pipe: Any, blueprint: Blueprint, memory: dict[str, Any], environments: int, members: range) -> None:
-    import signal
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when to stop
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    parent = os.getppid()
-    try:
-        group = _Group(blueprint, _views(memory, environments), members)
-        pipe.send(("ready", None))
-        while True:
-            while not pipe.poll(5.0):
-                if os.getppid() != parent:  # the parent is gone: leave no process behind
-                    return
-            command = pipe.recv_bytes()
-            if command == b"close":
-                group.close()
-                return
-            if command == b"step":
-                pipe.send(("done", group.step()))
-            else:
-                group.reset()
-                pipe.send(("done", None))
-    except (EOFError, BrokenPipeError):
-        return
-    except BaseException:
-        pipe.send(("error", traceback.format_exc()))
 
 
 class VectorSimulation:
@@ -146,7 +37,10 @@ class VectorSimulation:
 
     Attributes:
         views: the shared arrays of ``FIELDS``, first axis environments.
+        faults: folder that the first ``MAX_DUMPS`` episodes ending in a fault are written to; None: nowhere.
     """
+
+    faults: Path | None = None
 
     def __init__(self, blueprint: Blueprint, environments: int, workers: int) -> None:
         if environments < 1:
@@ -160,33 +54,39 @@ class VectorSimulation:
             )
             for name, (shape, dtype) in FIELDS.items()
         }
-        self.views = _views(memory, environments)
+        self.views = views_of(memory, environments)
         self._pipes: list[Any] = []
         self._processes: list[Any] = []
-        self._group: _Group | None = None
+        self._group: Group | None = None
         if workers == 0:
-            self._group = _Group(blueprint, self.views, range(environments))
+            self._group = Group(blueprint, self.views, range(environments))
             return
+        self._stacks = Path(tempfile.mkdtemp(prefix="tactile-kit-"))
         bounds = np.linspace(0, environments, workers + 1).astype(int)
-        for first, last in itertools.pairwise(bounds.tolist()):
-            ours, theirs = context.Pipe()
-            process = context.Process(
-                target=_work, args=(theirs, blueprint, memory, environments, range(first, last)), daemon=True
-            )
-            with _light_main():
-                process.start()
-            theirs.close()
-            self._pipes.append(ours)
-            self._processes.append(process)
-        for worker in range(workers):
-            self._answer(worker)
+        try:
+            for first, last in itertools.pairwise(bounds.tolist()):
+                ours, theirs = context.Pipe()
+                stack = str(self._stacks / str(len(self._pipes)))
+                arguments = (theirs, blueprint, memory, environments, range(first, last), stack)
+                process = context.Process(target=work, args=arguments, daemon=True)
+                with _light_main():
+                    process.start()
+                theirs.close()
+                self._pipes.append(ours)
+                self._processes.append(process)
+            for worker in range(workers):
+                self._answer(worker)
+        except BaseException:  # an interrupt too
+            self.close()
+            raise
 
     def _answer(self, worker: int) -> Any:
         pipe, process = self._pipes[worker], self._processes[worker]
         try:
             if not pipe.poll(TIMEOUT):
-                self.close()
-                raise WorkerError(f"worker {worker} did not answer for {TIMEOUT:.0f} s")
+                where = self._stack(worker)
+                self.close(patience=0.1)
+                raise WorkerError(f"worker {worker} did not answer for {TIMEOUT:.0f} s; {where}")
             kind, value = pipe.recv()
         except (EOFError, OSError) as error:
             process.join(1.0)
@@ -196,6 +96,17 @@ class VectorSimulation:
             self.close()
             raise WorkerError(f"worker {worker} failed:\n{value}")
         return value
+
+    def _stack(self, worker: int) -> str:
+        """Where a worker that does not answer stands, in words."""
+        written = self._stacks / str(worker)
+        if written.exists():  # it knows the signal already
+            os.kill(self._processes[worker].pid, signal.SIGUSR1)
+        for _ in range(20):
+            time.sleep(0.05)
+            if written.exists() and written.stat().st_size:
+                return f"it hangs at:\n{written.read_text(encoding='utf-8', errors='replace')}"
+        return "it does not even tell where it hangs (stopped, or waiting for a device)"
 
     @property
     def simulators(self) -> list[Simulator]:
@@ -208,48 +119,70 @@ class VectorSimulation:
         if self._group is not None:
             self._group.reset()
             return
-        for pipe in self._pipes:
-            pipe.send_bytes(b"reset")
+        self._tell(b"reset")
         for worker in range(len(self._pipes)):
             self._answer(worker)
 
     def step_async(self) -> None:
         """Begin a step with the actions in ``views``."""
         self._require_open()
+        self._tell(b"step")
+
+    def _tell(self, command: bytes) -> None:
         for worker, pipe in enumerate(self._pipes):
             try:
-                pipe.send_bytes(b"step")
+                pipe.send_bytes(command)
             except OSError:
-                self._answer(worker)
+                self._answer(worker)  # raises: it died
 
     def step_wait(self) -> dict[int, dict[str, Any]]:
         """Finish the step; returns ``fault``, ``steps`` and ``physics`` of episodes that ended, by environment."""
         if self._group is not None:
-            return self._group.step()
-        ended: dict[int, dict[str, Any]] = {}
-        for worker in range(len(self._pipes)):
-            ended.update(self._answer(worker))
+            ended = self._group.step()
+        else:
+            ended = {}
+            for worker in range(len(self._pipes)):
+                ended.update(self._answer(worker))
+        for index in sorted(ended):
+            if "dump" in ended[index]:
+                self._keep(ended[index].pop("dump"))
         return ended
+
+    def _keep(self, dump: Dump) -> None:
+        if self.faults is None:
+            return
+        number = len(list(self.faults.glob("fault-*.npz")))
+        if number < MAX_DUMPS:
+            try:
+                write(self.faults / f"fault-{number:03d}.npz", dump)
+            except OSError as problem:  # the episodes are worth more than a record of their faults
+                warnings.warn(f"{self.faults}: no dump of a fault could be written: {problem}", stacklevel=2)
 
     def _require_open(self) -> None:
         if self._group is None and not self._pipes:
             raise WorkerError("the simulation is closed: a worker failed before, or close() was called")
 
-    def close(self) -> None:
-        """End all workers."""
+    def close(self, patience: float = 2.0) -> None:
+        """End all workers; those that have not ended after ``patience`` seconds are killed."""
         if self._group is not None:
             self._group.close()
             self._group = None
-        for pipe, process in zip(self._pipes, self._processes, strict=True):
+        if not self._processes:
+            return
+        for pipe in self._pipes:
             try:
                 pipe.send_bytes(b"close")
             except OSError:
                 pass
-            process.join(2.0)
+        end = time.monotonic() + patience
+        for pipe, process in zip(self._pipes, self._processes, strict=False):
+            process.join(max(end - time.monotonic(), 0.0))
             if process.is_alive():
                 process.kill()
+                process.join()
             pipe.close()
         self._pipes, self._processes = [], []
+        shutil.rmtree(self._stacks, ignore_errors=True)
 
 
 class _light_main:

@@ -21,10 +21,9 @@ from tactile_kit.simulation.vector import Blueprint, VectorSimulation, WorkerErr
 def build(bodies, bank):
     made = []
 
-    def make(environments: int, workers: int, horizon: int = 4) -> VectorSimulation:
-        blueprint = Blueprint(
-            SimulationConfig(), bodies, bank, randomization.preset("default"), horizon, False
-        )
+    def make(environments: int, workers: int, horizon: int = 4, config=None) -> VectorSimulation:
+        preset = randomization.preset("default")
+        blueprint = Blueprint(config or SimulationConfig(), bodies, bank, preset, horizon, False)
         made.append(VectorSimulation(blueprint, environments, workers))
         views = made[-1].views
         views["next_variant"][:] = np.arange(environments) % 2
@@ -83,13 +82,48 @@ def test_a_dead_worker_is_an_error_and_the_others_end(build) -> None:
     assert children() == before
 
 
+def test_a_worker_that_died_is_noticed_by_reset_too(build) -> None:
+    simulation = build(1, 1)
+    simulation._processes[0].kill()
+    simulation._processes[0].join()
+    with pytest.raises(WorkerError, match="worker 0 died with exit code -9"):
+        simulation.reset()
+
+
+def test_a_worker_that_hangs_is_an_error_that_says_where(build, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = children()
+    simulation = build(4, 1, config=SimulationConfig(steps_per_second=6000, solver_iterations=500))
+    simulation.reset()
+    monkeypatch.setattr("tactile_kit.simulation.vector.TIMEOUT", 0.5)  # less than such a step takes
+    simulation.step_async()
+    with pytest.raises(WorkerError, match=r"(?s)worker 0 did not answer .*; it hangs at:.*File .*worker\.py"):
+        simulation.step_wait()
+    assert children() == before
+    with pytest.raises(WorkerError, match="closed"):
+        simulation.step_async()
+
+
+def test_a_worker_that_was_stopped_is_an_error(build, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = children()
+    simulation = build(1, 1)
+    simulation.reset()
+    monkeypatch.setattr("tactile_kit.simulation.vector.TIMEOUT", 0.5)
+    os.kill(simulation._processes[0].pid, signal.SIGSTOP)
+    simulation.step_async()
+    with pytest.raises(WorkerError, match=r"worker 0 did not answer .* does not even tell"):
+        simulation.step_wait()
+    assert children() == before
+
+
 def test_close_ends_the_workers_and_may_come_twice(build) -> None:
     before = children()
     simulation = build(2, 2)
     simulation.reset()
+    folder = simulation._stacks
+    assert len(list(folder.iterdir())) == 2
     simulation.close()
     simulation.close()
-    assert children() == before
+    assert children() == before and not folder.exists()
 
 
 ORPHANS = """
