@@ -39,10 +39,16 @@ def octahedral() -> Array:
 def geodesic(a: Array, b: Array) -> Array:
     """Angle of the rotation between ``a`` and ``b``, rad in [0, pi]; shapes ``(..., 3, 3)`` broadcast.
 
-    The half-angle form keeps full precision near 0, where the arc cosine of the trace loses it.
+    Full precision everywhere: from the chord below a right angle, where the trace loses digits, and from sine and
+    cosine above, where the chord does.
     """
-    difference = np.linalg.norm(a - b, axis=(-2, -1))
-    return 2.0 * np.arcsin(np.clip(difference / np.sqrt(8.0), 0.0, 1.0))
+    chord = np.linalg.norm(a - b, axis=(-2, -1)) / 8.0**0.5
+    turn = a @ np.swapaxes(b, -1, -2)
+    x = turn[..., 2, 1] - turn[..., 1, 2]
+    y = turn[..., 0, 2] - turn[..., 2, 0]
+    z = turn[..., 1, 0] - turn[..., 0, 1]
+    sine, cosine = np.sqrt(x * x + y * y + z * z), np.trace(turn, axis1=-2, axis2=-1) - 1.0
+    return np.where(cosine > 0.0, 2.0 * np.arcsin(np.minimum(chord, 1.0)), np.arctan2(sine, cosine))
 
 
 def to_6d(rotation: Array) -> Array:
