@@ -1,0 +1,45 @@
+"""One cube, a short episode, a small planner."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tactile_kit.planning import PlannerConfig
+from tactile_kit.planning.demonstrations import collect
+from tactile_kit.task.config import TaskConfig
+from tactile_kit.task.core import Core
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TACTILE_KIT_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="session")
+def task() -> TaskConfig:
+    return TaskConfig(objects="cube", horizon=8, grasps=2)
+
+
+@pytest.fixture(scope="session")
+def core(task: TaskConfig, own_cache: None) -> Core:
+    return Core(task)
+
+
+@pytest.fixture(scope="session")
+def small() -> PlannerConfig:
+    return PlannerConfig(samples=8, horizon=5, knots=3)
+
+
+@pytest.fixture(scope="session")
+def demonstrations(
+    task: TaskConfig, small: PlannerConfig, tmp_path_factory: pytest.TempPathFactory, own_cache: None
+) -> Path:
+    """Two planned episodes."""
+    directory = tmp_path_factory.mktemp("demonstrations")
+    collect(task, directory, range(2), seed=5, planner=small)
+    return directory
