@@ -96,7 +96,7 @@ def main() -> None:
     if peer is not None:
         peer.milliseconds(2)
         times["peer"] = []
-    for _ in range(2 if options.quick else 12):
+    for _ in range(2 if options.quick else 6):
         for rate, holding in holdings.items():
             times[str(rate)].append(cpu_seconds(holding.run, 25) / (25 * 16) * 1e3)
         if peer is not None:

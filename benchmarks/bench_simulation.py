@@ -123,7 +123,7 @@ def of_objects(task: TaskConfig, rounds: int) -> dict[str, Any]:
     """Every object's control step relative to the cube's; a round is a fifth of an episode of each in turn."""
     names = [thing.name for thing in object_sets.load("all")]
     parts = {thing.name: len(thing.parts) for thing in object_sets.load("all")}
-    holdings = {name: Holding(task.model_copy(update={"objects": name}), environments=8) for name in names}
+    holdings = {name: Holding(task.model_copy(update={"objects": name}), environments=4) for name in names}
     costs: dict[str, list[float]] = {name: [] for name in names}
     try:
         for _ in range(rounds):
@@ -153,8 +153,8 @@ def main() -> None:
     task = TaskConfig(simulation={"steps_per_second": options.steps_per_second})
     results = {
         "settings": task.simulation.model_dump() | {"randomization": task.randomization},
-        "cube": of_cube(task, 1 if options.quick else 7),
-        "objects": of_objects(task, 1 if options.quick else 25),
+        "cube": of_cube(task, 1 if options.quick else 5),
+        "objects": of_objects(task, 1 if options.quick else 15),
     }
     write("simulation", results, options, ("pybullet", "numpy", "numba", "torch"))
 

@@ -185,10 +185,10 @@ def main() -> None:
     options = arguments(__doc__ or "")
     torch.set_num_threads(1)
     results = {
-        "workers": workers(2 if options.quick else 15),
-        "memory": memory_of_environments(5 if options.quick else 33),
+        "workers": workers(2 if options.quick else 10),
+        "memory": memory_of_environments(3 if options.quick else 17),
         "memory_over_resets": memory_over_resets(50 if options.quick else 1000),
-        "resets": share_of_resets(1 if options.quick else 3),
+        "resets": share_of_resets(1 if options.quick else 2),
     }
     write("vector", results, options, ("pybullet", "numpy", "torch"))
 
