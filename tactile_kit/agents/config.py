@@ -69,6 +69,12 @@ class ExplorationConfig(Settings):
         le=1,
         description="Share of the time in which it moves one or two fingers and calms the others.",
     )
+    regrasps: float = Field(
+        0.0,
+        ge=0,
+        le=1,
+        description="Chance an action that an environment lifts a finger and sets it down elsewhere.",
+    )
     few_reach: PositiveFloat = Field(
         3.0, description="Noise of those fingers, in units of the policy's sigma."
     )

@@ -118,7 +118,8 @@ class SAC(stable_baselines3.SAC):
     def explore(self, observations: np.ndarray) -> np.ndarray:
         """Actions sampled from the policy, ``(E, A) float32`` in [-1, 1]."""
         noise = self.exploration.draw(len(observations))
-        return self.actor.network.act(torch.from_numpy(observations), noise).numpy()
+        actions = self.actor.network.act(torch.from_numpy(observations), noise)
+        return self.exploration.regrasp(actions).numpy()
 
     def collect_rollouts(  # type: ignore[override]
         self,
