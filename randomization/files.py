@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from dataclasses import fields
 from functools import lru_cache
 from pathlib import Path
@@ -135,7 +136,7 @@ def _parse(path: Path) -> dict[str, Any]:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise RandomizationError(f"{path}: can't be read ({error.strerror})") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise RandomizationError(f"{path}: no valid YAML: {error}") from None
     if not isinstance(content, dict):
         raise RandomizationError(f"{path}: holds a {type(content).__name__}: allowed is a mapping of keys")
@@ -151,4 +152,7 @@ def _validated(model: type[Model], content: dict[str, Any], path: Path) -> Model
         if first["type"] == "extra_forbidden":
             hint = nearest(place, model.model_fields)
             raise RandomizationError(f"{path}: {place}: unknown key{hint}") from None
-        raise RandomizationError(f"{path}: {place} = {first['input']!r}: {first['msg']}") from None
+        given = reprlib.repr(first["input"])[
+            :200
+        ]  # aliases can make a few lines of YAML a value of any length
+        raise RandomizationError(f"{path}: {place} = {given}: {first['msg']}") from None

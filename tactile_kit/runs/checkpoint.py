@@ -10,6 +10,7 @@ import hashlib
 import json
 import os
 import shutil
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,11 +44,14 @@ class Checkpoint:
     replay: Path | None
 
     def replay_arrays(self) -> dict[str, np.ndarray] | None:
-        """The replay memory's arrays (digest already checked), or None when none was saved."""
+        """The replay memory's arrays (digest already checked), or None when none was saved. Raises CheckpointError."""
         if self.replay is None:
             return None
-        with np.load(self.replay, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
+        try:
+            with np.load(self.replay, allow_pickle=False) as archive:
+                return {name: archive[name] for name in archive.files}
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as problem:
+            raise CheckpointError(f"{self.replay}: no arrays of a replay memory ({problem})") from None
 
 
 def save(
@@ -71,7 +75,7 @@ def save(
         write_atomically(temporary / "state.safetensors", data)
         files = {"state.safetensors": digest(data)}
         if replay is not None:
-            name = f"replay-{step:012d}.npz"
+            name = _replay_name(step)
             with (temporary / name).open("wb") as file:
                 np.savez(file, **replay)  # type: ignore[arg-type]
                 file.flush()
@@ -106,18 +110,43 @@ def load(path: Path) -> Checkpoint:
         )
     if body.get("digest") != _body_digest({key: value for key, value in body.items() if key != "digest"}):
         raise CheckpointError(f"{path / 'state.json'}: does not match its own digest")
-    files = body["files"]
+    files = _checked_body(body, path / "state.json")
     tensors = read_tensors(path / "state.safetensors", files["state.safetensors"], CheckpointError)
     replay = None
-    for name in files:
-        if not name.startswith("replay-"):
-            continue
-        replay = path / Path(name).name
-        if not replay.exists():
-            raise CheckpointError(f"{replay}: no such file")
-        if _file_digest(replay) != files[name]:
+    for name in set(files) - {"state.safetensors"}:
+        replay = path / name
+        try:
+            found = _file_digest(replay)
+        except OSError as problem:
+            raise CheckpointError(f"{replay}: {problem.strerror}") from None
+        if found != files[name]:
             raise CheckpointError(f"{replay}: SHA-256 differs from state.json's")
-    return Checkpoint(path, int(body["step"]), tensors, body["values"], replay)
+    return Checkpoint(path, body["step"], tensors, body["values"], replay)
+
+
+def _checked_body(body: dict[str, Any], where: Path) -> dict[str, str]:
+    """The files that a checkpoint names, all of its entries checked."""
+    unknown = sorted(set(body) - {"schema", "step", "files", "values", "digest"})
+    if unknown:
+        raise CheckpointError(f"{where}: unknown entries {unknown}")
+    step, files, values = body.get("step"), body.get("files"), body.get("values")
+    if type(step) is not int or step < 0:
+        raise CheckpointError(f"{where}: step is {step!r}, allowed are integers from 0")
+    allowed = {"state.safetensors", _replay_name(step)}
+    if (
+        not isinstance(files, dict)
+        or not {"state.safetensors"} <= set(files) <= allowed
+        or not all(isinstance(value, str) for value in files.values())
+    ):
+        raise CheckpointError(f"{where}: files are {files!r}, allowed are digests of {sorted(allowed)}")
+    for name in ("config", "versions"):
+        if not isinstance(values, dict) or not isinstance(values.get(name), dict):
+            raise CheckpointError(f"{where}: values hold no {name}")
+    return files
+
+
+def _replay_name(step: int) -> str:
+    return f"replay-{step:012d}.npz"
 
 
 def newest(folder: Path) -> tuple[Checkpoint | None, list[str]]:

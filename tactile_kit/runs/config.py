@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import reprlib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -174,7 +175,9 @@ def _lift(data: Mapping[str, Any]) -> dict[str, Any]:
         task = task.model_dump(exclude_unset=True) if isinstance(task, TaskConfig) else dict(task)
         for name, value in short.items():
             if name in task and task[name] != value:
-                raise ValueError(f"{name} is {value!r} at the top level and {task[name]!r} in task")
+                raise ValueError(
+                    f"{name} is {_short(value)} at the top level and {_short(task[name])} in task"
+                )
         data["task"] = {**task, **short}
     return data
 
@@ -199,7 +202,7 @@ def _read_yaml(path: Path) -> dict[str, Any]:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as problem:
         raise ConfigError(f"{path}: {problem.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as problem:
+    except (yaml.YAMLError, ValueError, RecursionError) as problem:
         raise ConfigError(f"{path}: not plain YAML: {problem}") from None
     if data is None:
         return {}
@@ -219,7 +222,146 @@ def _explain(cls: type[Settings], error: Any) -> str:
                 return f"{'.'.join(place)}: unknown"
         names = list(model.model_fields) + (list(_SHORTHAND) if model is RunConfig else [])
         return f"{'.'.join(place)}: unknown{_nearest(place[-1], names)}"
-    return f"{text} (given: {error['input']!r})" if not isinstance(error.get("input"), Mapping) else text
+    given = error.get("input")
+    return text if isinstance(given, Mapping) else f"{text} (given: {_short(given)})"
+
+
+def _shorthand(cls, data: Any) -> Any:
+        return _lift(data) if isinstance(data, Mapping) else data
+
+    @property
+    def encoding(self) -> str:
+        return self.task.encoding
+
+    @property
+    def objects(self) -> str:
+        return self.task.objects
+
+    @property
+    def name(self) -> str:
+        """The run's customary directory name, ``oracle-vec_bps-geometric8-s0``."""
+        return f"{self.kind}-{self.encoding}-{self.objects.replace(',', '+')}-s{self.seed}"
+
+    @classmethod
+    def preset(cls, name: str, changes: Mapping[str, Any] | None = None) -> RunConfig:
+        """A preset by name, with changes as :meth:`build` takes them. Raises ConfigError."""
+        files = presets()
+        if name not in files:
+            raise ConfigError(f"preset {name!r} unknown{_nearest(name, list(files))}")
+        return cls.build(_read_yaml(files[name]), changes, name)
+
+    @classmethod
+    def from_yaml(cls, path: str | Path, changes: Mapping[str, Any] | None = None) -> RunConfig:
+        """Settings from a YAML file; a ``preset`` key in it names what they change. Raises ConfigError."""
+        path = Path(path)
+        data = _read_yaml(path)
+        base = data.pop("preset", None)
+        if base is not None:
+            files = presets()
+            if base not in files:
+                raise ConfigError(f"{path}: preset {base!r} unknown{_nearest(str(base), list(files))}")
+            data = merge(_read_yaml(files[base]), data)
+        return cls.build(data, changes, str(path))
+
+    @classmethod
+    def build(
+        cls, data: Mapping[str, Any], changes: Mapping[str, Any] | None = None, source: str = "settings"
+    ) -> RunConfig:
+        """Nested ``data``, then ``changes`` whose keys may be dotted (``{"task.objects": "cube"}``)."""
+        try:
+            tree = merge(cls().model_dump(), _lift(data))  # so that part of a nested default may be given
+            for key, value in (changes or {}).items():
+                nested: Any = value
+                for part in reversed(key.split(".")):
+                    nested = {part: nested}
+                tree = merge(tree, _lift(nested))
+            return cls(**tree)
+        except ValidationError as problem:
+            raise ConfigError(
+                f"{source}: " + "; ".join(_explain(cls, error) for error in problem.errors())
+            ) from None
+        except (TypeError, ValueError) as problem:
+            raise ConfigError(f"{source}: {problem}") from None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, every value resolved."""
+        return self.model_dump(mode="json")
+
+    def to_yaml(self) -> str:
+        """The resolved settings as config.yaml holds them."""
+        return yaml.safe_dump(self.to_dict(), sort_keys=False)
+
+
+_SHORTHAND = ("encoding", "objects", "scaling", "randomization")
+
+
+def _lift(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Move the task's settings given at the top level into ``task``; raises ValueError where both differ."""
+    data = dict(data)
+    short = {name: data.pop(name) for name in _SHORTHAND if name in data}
+    if short:
+        task = data.get("task", {})
+        task = task.model_dump(exclude_unset=True) if isinstance(task, TaskConfig) else dict(task)
+        for name, value in short.items():
+            if name in task and task[name] != value:
+                raise ValueError(
+                    f"{name} is {_short(value)} at the top level and {_short(task[name])} in task"
+                )
+        data["task"] = {**task, **short}
+    return data
+
+
+def presets() -> dict[str, Path]:
+    """Names and files of the presets shipped with the package."""
+    folder = Path(str(resources.files("tactile_kit.runs"))) / "presets"
+    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+
+
+def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested mappings, ``over`` winning."""
+    merged = dict(base)
+    for key, value in over.items():
+        both = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
+        merged[key] = merge(merged[key], value) if both else value
+    return merged
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as problem:
+        raise ConfigError(f"{path}: {problem.strerror}") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as problem:
+        raise ConfigError(f"{path}: not plain YAML: {problem}") from None
+    if data is None:
+        return {}
+    if not isinstance(data, dict):
+        raise ConfigError(f"{path}: holds {type(data).__name__}, expected keys and values")
+    return data
+
+
+def _explain(cls: type[Settings], error: Any) -> str:
+    place = [str(part) for part in error["loc"]]
+    text = f"{'.'.join(place)}: {error['msg']}"
+    if error["type"] == "extra_forbidden":
+        model: Any = cls
+        for part in place[:-1]:
+            model = getattr(model.model_fields.get(part), "annotation", None)
+            if model is None or not hasattr(model, "model_fields"):
+                return f"{'.'.join(place)}: unknown"
+        names = list(model.model_fields) + (list(_SHORTHAND) if model is RunConfig else [])
+        return f"{'.'.join(place)}: unknown{_nearest(place[-1], names)}"
+    # aliases can make a few lines of YAML a value of any length
+    return (
+        f"{text} (given: {reprlib.repr(error['input'])})"
+        if not isinstance(error.get("input"), Mapping)
+        else text
+    )
+
+
+def _short(value: Any) -> str:
+    """``repr``, but aliases can make a few lines of YAML a value of any length."""
+    return reprlib.repr(value)[:200]
 
 
 def _nearest(name: str, names: list[str]) -> str:

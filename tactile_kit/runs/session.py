@@ -86,15 +86,11 @@ class Run:
             if "env" in values and hasattr(self.env, "set_state"):
                 arrays = {name: tensor.numpy() for name, tensor in unpack("env", saved.tensors).items()}
                 self.env.set_state({**arrays, **values["env"]})
-        except (KeyError, ValueError, RuntimeError) as problem:
+            torch.set_rng_state(torch.tensor(values["torch_rng"], dtype=torch.uint8))
+            for name in ("hours", "warm_start", "evaluation", "line", "logged"):
+                setattr(self, name, values[name])
+        except (KeyError, TypeError, ValueError, RuntimeError) as problem:
             raise CheckpointError(f"{saved.path}: does not fit this run: {problem}") from problem
-        torch.set_rng_state(torch.tensor(values["torch_rng"], dtype=torch.uint8))
-        self.hours, self.warm_start, self.evaluation = (
-            values["hours"],
-            values["warm_start"],
-            values["evaluation"],
-        )
-        self.line, self.logged = values["line"], values["logged"]
 
     def apply_gravity(self) -> None:
         """Gravity of the curriculum at the present step, for the episodes to come."""
