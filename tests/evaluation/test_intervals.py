@@ -11,10 +11,14 @@ from scipy.stats import binomtest
 import randomization
 from tactile_kit.evaluation import EvaluationError, difference, stratified_bootstrap, wilson
 
+counts = st.integers(1, 5000).flatmap(
+    lambda n: st.tuples(st.one_of(st.integers(0, n), st.sampled_from([0, n])), st.just(n))
+)
 
-@given(st.integers(1, 5000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
-def test_wilson_agrees_with_scipy(counts):
-    successes, episodes = counts
+
+@given(counts)
+def test_wilson_agrees_with_scipy(counted):
+    successes, episodes = counted
     theirs = binomtest(successes, episodes).proportion_ci(method="wilson")
     assert wilson(successes, episodes) == pytest.approx((theirs.low, theirs.high), abs=1e-12)
 
@@ -24,6 +28,30 @@ def test_wilson_by_hand():
     assert wilson(5, 10) == pytest.approx((0.2366, 0.7634), abs=1e-4)
     assert wilson(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
     assert wilson(10, 10) == pytest.approx((0.7225, 1.0), abs=1e-4)
+
+
+@given(st.integers(1, 10**6), st.floats(0.5, 0.999))
+def test_none_and_all_have_a_width(n, confidence):
+    """No successes of n say something about n, and all of n the mirror image of it."""
+    none, all_of_them = wilson(0, n, confidence), wilson(n, n, confidence)
+    assert none.low == 0.0 and all_of_them.high == 1.0
+    assert 0.0 < none.high < 1.0 and all_of_them.low == pytest.approx(1.0 - none.high, abs=1e-12)
+    assert wilson(0, n + 1, confidence).high < none.high  # more episodes, less doubt
+
+
+@given(counts, counts)
+def test_difference_holds_what_was_seen_and_stays_in_range(first, second):
+    low, high = difference(*first, *second)
+    seen = first[0] / first[1] - second[0] / second[1]
+    assert -1.0 - 1e-12 <= low <= seen + 1e-12 and seen - 1e-12 <= high <= 1.0 + 1e-12 and low < high
+
+
+@pytest.mark.parametrize("n", [1, 24, 5000])
+def test_difference_of_none_and_all(n):
+    low, high = difference(n, n, 0, n)
+    assert high == 1.0 and low == pytest.approx(1.0 - np.sqrt(2) * wilson(0, n).high)
+    low, high = difference(0, n, 0, n)
+    assert low == -high and high == pytest.approx(wilson(0, n).high)
 
 
 def test_wilson_covers_the_truth_as_often_as_it_says():
