@@ -21,13 +21,21 @@ from object_sets.sets import SETS, load, select
 if TYPE_CHECKING:
     from object_sets.building import build
     from object_sets.decomposition import DecompositionConfig
+    from object_sets.exporters import export
+    from object_sets.importing import ImportConfig
+    from object_sets.limits import Limits
+    from object_sets.reading import read_mesh
     from object_sets.rendering import render_sheet
+    from object_sets.sampling import sample
+    from object_sets.verification import verify
 
 __all__ = [
     "SETS",
     "DataError",
     "DecompositionConfig",
     "DecompositionError",
+    "ImportConfig",
+    "Limits",
     "MeshError",
     "Object",
     "ObjectSet",
@@ -35,12 +43,26 @@ __all__ = [
     "ScaleError",
     "UnknownObjectError",
     "build",
+    "export",
     "load",
+    "read_mesh",
     "render_sheet",
+    "sample",
     "select",
+    "verify",
 ]
 
-_LAZY = {"build": "building", "DecompositionConfig": "decomposition", "render_sheet": "rendering"}
+_LAZY = {
+    "DecompositionConfig": "decomposition",
+    "ImportConfig": "importing",
+    "Limits": "limits",
+    "build": "building",
+    "export": "exporters",
+    "read_mesh": "reading",
+    "render_sheet": "rendering",
+    "sample": "sampling",
+    "verify": "verification",
+}
 
 
 def __getattr__(name: str) -> Any:

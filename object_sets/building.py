@@ -2,27 +2,24 @@
 
 from __future__ import annotations
 
-import hashlib
-import logging
+import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from object_sets.assembling import Progress, Task, assemble, finished
 from object_sets.decomposition import DecompositionConfig
-from object_sets.errors import MeshError, ObjectSetError, ScaleError, UnknownObjectError, nearest
-from object_sets.manifest import MANIFEST_NAME, Entry, Manifest, Refused
-from object_sets.preparation import Candidate, prepare, versions
+from object_sets.errors import ObjectSetError, ScaleError, UnknownObjectError, nearest
+from object_sets.importing import MAX_FACES, Alignment, Center, ImportConfig, mesh_files
+from object_sets.limits import Limits
+from object_sets.preparation import Candidate, Prepared, prepare
+from object_sets.reading import Readers
 from object_sets.sets import SETS
-from object_sets.storage import write_atomic
 
-log = logging.getLogger(__name__)
-
-Outcome = tuple[Entry, bytes] | Refused
-Progress = Callable[[str, int, int], None]  # what just ended, how many are done, of how many
+Finish = Callable[[Candidate], Candidate]
 
 
 def build(
@@ -30,13 +27,18 @@ def build(
     *,
     meshes: str | Path | None = None,
     set_name: str | None = None,
+    recursive: bool = False,
     extent: tuple[float, float] | None = None,
     scales: int = 0,
+    center: Center = "bounding-box",
+    alignment: Alignment = "none",
+    max_faces: int = MAX_FACES,
     seed: int = 0,
     coacd_threshold: float | None = None,
     max_parts: int | None = None,
     hull_vertices: int | None = None,
-    timeout: float = DecompositionConfig.timeout,
+    timeout: float = Limits.timeout,
+    memory: float = Limits.memory,
     mass: float | None = None,
     density: float | None = None,
     licence: str = "unknown",
@@ -51,14 +53,17 @@ def build(
 
     Args:
         out: directory; made when missing, files of the same names are replaced.
-        meshes: folder of mesh files (STL, OBJ, PLY, GLB/GLTF, OFF, 3MF); or
+        meshes: folder of mesh files (STL, OBJ, PLY, GLB/GLTF, OFF, 3MF), with ``recursive`` its folders too; or
         set_name: one of the authored sets ("geometric8", "ood", "complex", "paper", "all").
         extent: (lowest, highest) side of a bounding box, m. Without ``scales``, a mesh whose largest extent is outside
             is scaled, all axes alike, to the nearer bound. With ``scales``, each axis's extent is drawn uniformly.
         scales: number of prepared sizes an object; needs ``extent``.
+        center, alignment, max_faces: of meshes, see ``importing.ImportConfig``.
         seed: of the sizes and of CoACD.
-        coacd_threshold, max_parts, hull_vertices, timeout: settings of the convex parts (``DecompositionConfig``);
-            by default those of each authored shape, or the general ones.
+        coacd_threshold, max_parts, hull_vertices: settings of the convex parts (``DecompositionConfig``); by default
+            those of each authored shape, or the general ones.
+        timeout: seconds one mesh may take: reading, repair and convex parts together.
+        memory: GiB that a process working on one mesh may take.
         mass: kg of every object; or ``density``: kg/m^3 of the solid. By default authored masses, else unknown.
         licence: of the meshes, for the manifest.
         jobs: meshes worked on at once.
@@ -67,132 +72,82 @@ def build(
     Raises:
         ObjectSetError: arguments that don't fit together, or not one mesh could be used.
     """
-    _check(meshes, set_name, extent, scales, mass, density, jobs)
-    out = Path(out)
+    check_arguments(extent, scales, mass, density, jobs)
+    if (meshes is None) == (set_name is None):
+        raise ObjectSetError(f"meshes = {meshes!r}, set_name = {set_name!r}: exactly one of them is needed")
+    posing = ImportConfig(extent, max_faces, center, alignment)
+    if set_name is not None and posing != ImportConfig(extent):
+        raise ObjectSetError("center, alignment and max_faces are for meshes; authored shapes have their own")
     given = {"threshold": coacd_threshold, "max_parts": max_parts, "hull_vertices": hull_vertices}
     settings: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
-    settings.update(seed=seed, timeout=timeout)
-    if set_name is not None:
-        tasks = _authored(set_name, settings)
-        name = set_name
-    else:
-        assert meshes is not None
-        tasks = _imported(Path(meshes), settings, extent, licence)
-        name = Path(meshes).resolve().name
-    outcomes: list[Outcome] = []
-    # Threads are enough: the heavy work is CoACD's, in processes of its own.
-    with ThreadPoolExecutor(max_workers=jobs) as pool:
-        finish = [
-            (label, pool.submit(_outcome, label, task, extent, scales, seed, mass, density))
-            for label, task in tasks
-        ]
-        for label, future in finish:
-            outcomes.append(future.result())
-            if progress is not None:
-                progress(label, len(outcomes), len(finish))
-    refused = tuple(outcome for outcome in outcomes if isinstance(outcome, Refused))
-    ready = [outcome for outcome in outcomes if not isinstance(outcome, Refused)]
-    if not ready:
-        listing = "\n".join(f"  {r.file}: {r.defect}; remedy: {r.remedy}" for r in refused)
-        raise ObjectSetError(f"{meshes or set_name}: no mesh could be used\n{listing}")
-    if meshes is not None:  # without gaps where a file was refused
-        ready = [(entry.model_copy(update={"id": index}), data) for index, (entry, data) in enumerate(ready)]
-    manifest = Manifest(
-        name=name, seed=seed, extent=extent, versions=versions(), objects=tuple(entry for entry, _ in ready),
-        refused=refused,
-    )  # fmt: skip
-    for entry, data in ready:
-        write_atomic(out / entry.file, data)
-    path = out / MANIFEST_NAME
-    write_atomic(path, manifest.to_bytes())  # last: a directory with a manifest is complete
-    return path
+    settings.update(seed=seed, timeout=timeout, memory=memory)
+
+    def finish(candidate: Candidate) -> Candidate:
+        return finished(candidate, extent, scales, seed, mass, density)
+
+    with Readers() as readers:
+        if meshes is None:
+            assert set_name is not None
+            name, tasks = set_name, _authored(set_name, settings, finish)
+        else:
+            name = Path(meshes).resolve().name
+            tasks = _imported(Path(meshes), recursive, settings, posing, licence, finish, readers)
+        return assemble(
+            Path(out), name, tasks, seed=seed, extent=extent, jobs=jobs, progress=progress,
+            renumber=meshes is not None,
+        )  # fmt: skip
 
 
-Task = tuple[Callable[[], Candidate], DecompositionConfig]
-
-
-def _authored(set_name: str, settings: dict[str, Any]) -> list[tuple[str, Task]]:
+def _authored(set_name: str, settings: dict[str, Any], finish: Finish) -> list[Task]:
     from object_sets.csg import to_mesh
     from object_sets.shapes import LICENCE, SHAPES
 
     if set_name not in SETS:
         raise UnknownObjectError(f"set_name = {set_name!r}{nearest(set_name, SETS)}")
 
-    def task(index: int) -> tuple[str, Task]:
+    def task(index: int) -> Task:
         shape = SHAPES[index]
         own = {"max_parts": shape.max_parts, "hull_vertices": shape.hull_vertices}
         config = DecompositionConfig(**{**own, **settings})
 
-        def make() -> Candidate:
+        def work() -> Prepared:
             vertices, faces = to_mesh(shape.make())
-            return Candidate(shape.id, shape.name, vertices, faces, shape.source, LICENCE, shape.mass)
+            made = Candidate(shape.id, shape.name, vertices, faces, shape.source, LICENCE, shape.mass)
+            return prepare(finish(made), config)
 
-        return shape.name, (make, config)
+        return Task(shape.name, work)
 
     return [task(index) for index in SETS[set_name]]
 
 
 def _imported(
-    folder: Path, settings: dict[str, Any], extent: tuple[float, float] | None, licence: str
-) -> list[tuple[str, Task]]:
-    from object_sets.importing import mesh_files, read_mesh
-
-    files = mesh_files(folder)
-    names = _names(files)
+    folder: Path,
+    recursive: bool,
+    settings: dict[str, Any],
+    posing: ImportConfig,
+    licence: str,
+    finish: Finish,
+    readers: Readers,
+) -> list[Task]:
+    files = mesh_files(folder, recursive)
+    labels = [file.relative_to(folder).as_posix() for file in files]
+    names = _names([Path(label) for label in labels])
     config = DecompositionConfig(**settings)
 
-    def task(index: int) -> tuple[str, Task]:
-        file = files[index]
-
-        def make() -> Candidate:
-            mesh = read_mesh(file, extent)
-            return Candidate(
-                index, names[index], mesh.vertices, mesh.faces, file.name, licence,
-                source_sha256=mesh.sha256, repairs=mesh.repairs,
+    def task(index: int) -> Task:
+        def work() -> Prepared:
+            end = time.monotonic() + config.timeout
+            mesh = readers.read(files[index], posing, Limits(config.memory, config.timeout))
+            made = Candidate(
+                index, names[index], mesh.vertices, mesh.faces, labels[index], licence,
+                source_sha256=mesh.sha256, repairs=mesh.repairs, center=posing.center, alignment=posing.alignment,
             )  # fmt: skip
+            left = replace(config, timeout=max(end - time.monotonic(), 1e-3))
+            return prepare(finish(made), left)
 
-        return str(file), (make, config)
+        return Task(labels[index], work)
 
     return [task(index) for index in range(len(files))]
-
-
-def _outcome(
-    label: str,
-    task: Task,
-    extent: tuple[float, float] | None,
-    scales: int,
-    seed: int,
-    mass: float | None,
-    density: float | None,
-) -> Outcome:
-    from object_sets.mass import mass_properties
-
-    make, config = task
-    try:
-        candidate = make()
-        if mass is not None or density is not None:
-            volume = mass_properties(candidate.vertices, candidate.faces).volume
-            candidate = replace(candidate, mass=mass if density is None else density * volume)
-        if extent is not None and scales:
-            sides = np.ptp(candidate.vertices, axis=0)
-            candidate = replace(candidate, scales=draw_scales(sides, extent, scales, seed, candidate.name))
-        return prepare(candidate, config)
-    except MeshError as error:
-        log.warning("refused %s", error)
-        return Refused(file=error.file, defect=error.defect, remedy=error.remedy)
-    except ObjectSetError as error:
-        log.warning("refused %s", error)
-        return Refused(file=label, defect=str(error), remedy="see the defect")
-
-
-def draw_scales(
-    extents: np.ndarray, extent: tuple[float, float], count: int, seed: int, name: str
-) -> tuple[tuple[float, float, float], ...]:
-    """Per-axis factors of ``count`` sizes with extents (m) uniform in ``extent``, from a stream of the name's own."""
-    word = int.from_bytes(hashlib.blake2s(name.encode(), digest_size=8).digest(), "little")
-    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(word,)))
-    factors = generator.uniform(*extent, size=(count, 3)) / extents
-    return tuple((float(f"{x:.9g}"), float(f"{y:.9g}"), float(f"{z:.9g}")) for x, y, z in factors)
 
 
 def _names(files: Sequence[Path]) -> list[str]:
@@ -207,17 +162,14 @@ def _names(files: Sequence[Path]) -> list[str]:
     return names
 
 
-def _check(
-    meshes: str | Path | None,
-    set_name: str | None,
+def check_arguments(
     extent: tuple[float, float] | None,
     scales: int,
     mass: float | None,
     density: float | None,
     jobs: int,
 ) -> None:
-    if (meshes is None) == (set_name is None):
-        raise ObjectSetError(f"meshes = {meshes!r}, set_name = {set_name!r}: exactly one of them is needed")
+    """Raise ``ObjectSetError`` for what no set can be made with."""
     if extent is not None and not 0 < extent[0] <= extent[1] < np.inf:
         raise ScaleError(f"extent = {extent!r}: two lengths in m with 0 < lowest <= highest are needed")
     if scales < 0 or (scales and extent is None):

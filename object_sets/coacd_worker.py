@@ -1,20 +1,22 @@
-"""Runs CoACD on one mesh in a process of its own: ``python coacd_worker.py IN.npz OUT.npz``.
+"""Runs CoACD on one mesh in a process of its own: ``python -m object_sets.coacd_worker IN.npz OUT.npz MEMORY SECONDS``.
 
-CoACD and torch each bring an OpenMP runtime, and one process with both can crash. This file is run by path, so it
-imports nothing of the package. IN holds vertices (V, 3) float64, faces (F, 3) int32 and the scalar settings; OUT gets
-``count`` and ``part0``, ``part1``, ... as (n, 3) float64.
+CoACD and torch each bring an OpenMP runtime, and one process with both can crash. IN holds vertices (V, 3) float64,
+faces (F, 3) int32 and the scalar settings; OUT gets ``count`` and ``part0``, ``part1``, ... as (n, 3) float64.
+Two more arguments bound memory (bytes) and processor time (s).
 """
 
 from __future__ import annotations
 
 import sys
 
-import numpy as np
+from object_sets.limits import limit_this_process
 
 
-def main(source: str, target: str) -> None:
+def main(source: str, target: str, memory: str, seconds: str) -> None:
     """Read, decompose, write."""
+    limit_this_process(int(memory), float(seconds))
     import coacd
+    import numpy as np
 
     coacd.set_log_level("error")
     with np.load(source, allow_pickle=False) as data:

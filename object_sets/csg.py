@@ -8,6 +8,8 @@ import numpy as np
 from manifold3d import CrossSection, Manifold, Mesh64
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
+from object_sets.mass import mass_properties
+
 GRID = (
     1e-8  # m; vertices are rounded to this, so that the last bits of another processor don't change digests
 )
@@ -19,16 +21,24 @@ def to_manifold(vertices: np.ndarray, faces: np.ndarray) -> Manifold:
     return Manifold(Mesh64(np.array(vertices, np.float64, order="C"), np.array(faces, np.uint64, order="C")))
 
 
-def to_mesh(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:
+def to_mesh(solid: Manifold, center: str = "bounding-box") -> tuple[np.ndarray, np.ndarray]:
     """Vertices (V, 3) float64 m, rounded to ``GRID``, and faces (F, 3) int32, of a solid; order is reproducible."""
     mesh = solid.to_mesh64()
     vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
-    return canonical(np.round(vertices / GRID) * GRID, np.asarray(mesh.tri_verts, dtype=np.int64))
+    return canonical(np.round(vertices / GRID) * GRID, np.asarray(mesh.tri_verts, dtype=np.int64), center)
 
 
-def canonical(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same mesh with bounding box centred and vertices and faces sorted, so that equal solids are equal arrays."""
-    vertices = vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
+def canonical(
+    vertices: np.ndarray, faces: np.ndarray, center: str = "bounding-box"
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same mesh, centred, vertices and faces sorted, so that equal solids are equal arrays.
+
+    ``center`` becomes the origin: "bounding-box", "mass" (the centre of mass), or "origin" (which it is already).
+    """
+    if center == "bounding-box":
+        vertices = vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
+    elif center == "mass":
+        vertices = vertices - mass_properties(vertices, faces).center_of_mass
     vertices = np.round(vertices / GRID) * GRID + 0.0  # + 0.0: no negative zeros
     used, faces = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[used], faces.reshape(-1, 3)
@@ -52,12 +62,16 @@ def revolution(profile: Sequence[Sequence[float]] | np.ndarray, segments: int) -
     return CrossSection([np.asarray(profile, dtype=np.float64)]).revolve(segments)
 
 
-def box(extents: Sequence[float], center: Sequence[float] = (0.0, 0.0, 0.0)) -> Manifold:
+def box(
+    extents: Sequence[float] | np.ndarray, center: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)
+) -> Manifold:
     """An axis-aligned box with sides (3,) m around ``center`` (3,) m."""
     return Manifold.cube(tuple(extents), True).translate(tuple(center))
 
 
-def ellipsoid(radii: Sequence[float], center: Sequence[float], segments: int = 20) -> Manifold:
+def ellipsoid(
+    radii: Sequence[float] | np.ndarray, center: Sequence[float] | np.ndarray, segments: int = 20
+) -> Manifold:
     """An axis-aligned ellipsoid with half axes (3,) m around ``center`` (3,) m."""
     return Manifold.sphere(1.0, segments).scale(tuple(radii)).translate(tuple(center))
 
@@ -132,7 +146,7 @@ def chamfered_polyhedron(points: np.ndarray, chamfer: float) -> Manifold:
     return convex_hull(HalfspaceIntersection(np.vstack([planes, cuts]), np.zeros(3)).intersections)
 
 
-def fitted(solid: Manifold, extents: Sequence[float] | float) -> Manifold:
+def fitted(solid: Manifold, extents: Sequence[float] | np.ndarray | float) -> Manifold:
     """The solid stretched along the axes to ``extents`` (3,) or one number for all, m."""
     low, high = np.array(solid.bounding_box()).reshape(2, 3)
     return solid.scale(tuple(np.broadcast_to(extents, 3) / (high - low)))

@@ -5,9 +5,9 @@ A convex part stays convex under per-axis scaling, so only the nominal shape is 
 
 from __future__ import annotations
 
-import os
+import logging
+import signal
 import subprocess
-import sys
 import tempfile
 from dataclasses import asdict, dataclass
 from functools import lru_cache
@@ -16,10 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
-from object_sets.errors import DecompositionError
+from object_sets.errors import DataError, DecompositionError, ObjectSetError
+from object_sets.limits import GIB, Limits, out_of_memory, worker_command, worker_environment
 from object_sets.objects import content_digest
 from object_sets.storage import cache_directory, json_bytes, npz_bytes, read_npz, sha256, write_atomic
 
+log = logging.getLogger(__name__)
+
+MOST_PARTS = 256  # more than this no simulator collides at a useful speed
 CONVEX_TOLERANCE = 1e-4  # a mesh whose hull is larger by less than this share of volume counts as convex
 
 
@@ -32,7 +36,7 @@ class DecompositionConfig:
         max_parts: bound on their number, -1 for none; CoACD merges beyond it.
         hull_vertices: bound on the corners of a part; fewer are faster to simulate.
         seed: of CoACD's tree search.
-        timeout: seconds one mesh may take.
+        timeout: seconds one mesh may take; memory: GiB that CoACD's process may take.
     """
 
     threshold: float = 0.1
@@ -43,18 +47,18 @@ class DecompositionConfig:
     )
     seed: int = 0
     timeout: float = 300.0
+    memory: float = 4.0
 
     def __post_init__(self) -> None:
         if not 0.01 <= self.threshold <= 1.0:
-            raise DecompositionError(f"threshold = {self.threshold!r}: CoACD allows 0.01 to 1")
+            raise ObjectSetError(f"threshold = {self.threshold!r}: CoACD allows 0.01 to 1")
         if self.max_parts != -1 and self.max_parts < 1:
-            raise DecompositionError(
+            raise ObjectSetError(
                 f"max_parts = {self.max_parts!r}: allowed are -1 (no bound) and integers >= 1"
             )
         if min(self.hull_vertices, self.convex_hull_vertices) < 8:
-            raise DecompositionError(f"hull_vertices = {self.hull_vertices!r}: at least 8 are needed")
-        if not self.timeout > 0:
-            raise DecompositionError(f"timeout = {self.timeout!r}: seconds > 0 are needed")
+            raise ObjectSetError(f"hull_vertices = {self.hull_vertices!r}: at least 8 are needed")
+        Limits(self.memory, self.timeout)
 
 
 def is_convex(vertices: np.ndarray, volume: float) -> bool:
@@ -74,27 +78,55 @@ def decompose(
         convex: the solid is convex, so its hull is its only part and CoACD isn't asked.
 
     Raises:
-        DecompositionError: CoACD crashed, ran out of time or gave nothing; the message carries its last words.
+        DecompositionError: CoACD crashed, ran out of time or memory, or gave no part, or more than ``MOST_PARTS``.
     """
     from object_sets.csg import GRID, hull_corners
 
     if convex:
         return (hull_corners(vertices, config.convex_hull_vertices),)
     path = cache_directory() / "coacd" / f"{_key(vertices, faces, config)}.npz"
-    if path.exists():
-        arrays = read_npz(path.read_bytes(), path)
-    else:
+    raw = _cached(path)
+    if raw is None:
         arrays = _run(vertices, faces, config, name)
+        raw = _corners(arrays, name)
         write_atomic(path, npz_bytes(arrays))
-    raw = [np.round(arrays[f"part{i}"] / GRID) * GRID + 0.0 for i in range(int(arrays["count"]))]
-    if not raw:
-        raise DecompositionError(f"{name}: CoACD gave no part; raise the threshold ({config.threshold})")
-    parts = [hull_corners(part, config.hull_vertices) for part in raw]
+    if len(raw) > MOST_PARTS:
+        raise DecompositionError(
+            name, f"CoACD made {len(raw)} convex parts of it; allowed are {MOST_PARTS}",
+            f"raise the threshold ({config.threshold:g}) or bound the number of parts",
+        )  # fmt: skip
+    parts = [hull_corners(np.round(part / GRID) * GRID + 0.0, config.hull_vertices) for part in raw]
     return tuple(sorted(parts, key=lambda part: tuple(part[0])))
 
 
+def _cached(path: Path) -> list[np.ndarray] | None:
+    """What was computed before; a damaged file counts as absent, and is said."""
+    if not path.exists():
+        return None
+    try:
+        return _corners(read_npz(path.read_bytes(), path), "cache")
+    except (DataError, DecompositionError) as error:
+        log.warning("%s: damaged, computed again (%s)", path, error)
+        return None
+
+
+def _corners(arrays: dict[str, np.ndarray], name: str) -> list[np.ndarray]:
+    """The parts in CoACD's answer, each with at least 4 finite corners (n, 3)."""
+    parts = [
+        arrays.get(f"part{i}", np.zeros(0)) for i in range(int(arrays.get("count", np.zeros(1)).flat[0]))
+    ]
+    if not parts:
+        raise DecompositionError(name, "CoACD gave no convex part", "raise the threshold, or repair the mesh")
+    for part in parts:
+        if part.ndim != 2 or part.shape[1] != 3 or len(part) < 4 or not np.isfinite(part).all():
+            raise DecompositionError(
+                name, "CoACD gave a part without a volume", "raise the threshold, or repair the mesh"
+            )
+    return parts
+
+
 def _key(vertices: np.ndarray, faces: np.ndarray, config: DecompositionConfig) -> str:
-    settings = json_bytes({**asdict(config), "timeout": None, "coacd": _coacd_version()})
+    settings = json_bytes({**asdict(config), "timeout": None, "memory": None, "coacd": _coacd_version()})
     return sha256(content_digest(vertices, faces).encode() + settings)[:32]
 
 
@@ -113,8 +145,6 @@ def _run(
         "preprocess_mode": "off",  # the mesh is a checked manifold; remeshing would only blur its edges
         "seed": config.seed,
     }
-    # One thread: the tree search's result then depends on the seed alone.
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     with tempfile.TemporaryDirectory(prefix="coacd-") as folder:
         source, target = Path(folder, "in.npz"), Path(folder, "out.npz")
         inputs = {
@@ -123,18 +153,29 @@ def _run(
             **{k: np.array(v) for k, v in settings.items()},
         }
         source.write_bytes(npz_bytes(inputs))
-        command = [sys.executable, str(Path(__file__).with_name("coacd_worker.py")), str(source), str(target)]
+        bounds = [str(int(config.memory * GIB)), str(config.timeout)]
+        command = [*worker_command("coacd_worker"), str(source), str(target), *bounds]
         try:
-            done = subprocess.run(
-                command, env=environment, capture_output=True, text=True, timeout=config.timeout, check=False
-            )
+            ended = subprocess.run(
+                command, env=worker_environment(), capture_output=True, text=True, errors="replace",
+                timeout=config.timeout, check=False, stdin=subprocess.DEVNULL,
+            )  # fmt: skip
+            code, words = ended.returncode, (ended.stderr or ended.stdout).strip()[-400:]
         except subprocess.TimeoutExpired:
+            code, words = -signal.SIGXCPU, ""
+        if code == -signal.SIGXCPU:
             raise DecompositionError(
-                f"{name}: CoACD took longer than {config.timeout:g} s on {len(faces)} faces; "
-                "raise the time limit or the threshold, or simplify the mesh"
-            ) from None
-        if done.returncode != 0 or not target.exists():
-            words = (done.stderr or done.stdout).strip()[-400:] or "no message"
-            raise DecompositionError(f"{name}: CoACD ended with code {done.returncode}: {words}")
+                name, f"CoACD took longer than {config.timeout:.3g} s on {len(faces)} faces",
+                "allow more time, raise the threshold, or simplify the mesh",
+            )  # fmt: skip
+        if out_of_memory(words):
+            raise DecompositionError(
+                name, f"CoACD needs more than {config.memory:g} GiB for {len(faces)} faces",
+                "allow more memory, raise the threshold, or simplify the mesh",
+            )  # fmt: skip
+        if code != 0 or not target.exists():
+            raise DecompositionError(
+                name, f"CoACD ended with code {code}: {words or 'no message'}", "repair or simplify the mesh"
+            )
         arrays = read_npz(target.read_bytes(), target)
     return {key: value if key == "count" else value * scale for key, value in arrays.items()}

@@ -22,10 +22,6 @@ class DataError(ObjectSetError):
     """Prepared data that is missing, altered or of an unknown schema."""
 
 
-class DecompositionError(ObjectSetError):
-    """CoACD failed, ran out of time, or its parts are not what was asked for."""
-
-
 class MeshError(ObjectSetError):
     """A mesh that can't become an object.
 
@@ -40,7 +36,11 @@ class MeshError(ObjectSetError):
         self.file, self.defect, self.remedy = str(file), defect, remedy
 
     def __reduce__(self) -> tuple:
-        return MeshError, (self.file, self.defect, self.remedy)
+        return type(self), (self.file, self.defect, self.remedy)
+
+
+class DecompositionError(MeshError):
+    """CoACD failed, ran out of time or memory, or its parts can't stand for the mesh."""
 
 
 def nearest(name: object, valid: Iterable[str]) -> str:

@@ -1,266 +1,94 @@
-"""Read mesh files, repair what is safe, report every repair, refuse the rest with a reason and a remedy."""
+"""From a mesh file to an object's mesh: parsed, repaired where that is safe, aligned, scaled, centred."""
 
 from __future__ import annotations
 
-import logging
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from object_sets.errors import MeshError, ObjectSetError
-from object_sets.storage import sha256
+from object_sets.errors import MeshError, ObjectSetError, ScaleError, nearest
+from object_sets.parsing import FORMATS, parse
 
-if TYPE_CHECKING:
-    from manifold3d import Manifold
+Center = Literal["bounding-box", "mass", "origin"]
+Alignment = Literal["none", "y-up", "inertia", "box"]
 
-FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off", ".3mf")
 SIZES = (0.005, 0.5)  # m; a largest extent outside is a wrong unit rather than an object for a hand
 MAX_FACES = 4000  # of an object; denser meshes are simplified, since encodings and checks cost a face
-SIMPLIFICATION = 0.01  # of the largest extent: the surface may move by this much at most while simplifying
-HOLE_AREA = 0.02  # of the surface: what filling holes may add
-FLATNESS = 1e-3  # mean thickness over largest extent below which a mesh is a sheet, not a solid
-GAP = 2e-3  # of the largest extent: bodies no farther apart count as touching
-PROBES = 96  # points whose winding number is checked
+
+
+@dataclass(frozen=True)
+class ImportConfig:
+    """How a mesh file becomes an object's mesh.
+
+    Attributes:
+        extent: (lowest, highest) m for the largest extent; a mesh outside is scaled to the nearer bound, all axes
+            alike. Units in the file then don't matter. Without it lengths are metres (3MF: the file's own unit).
+        max_faces: denser meshes are simplified, the surface moving by at most 1 % of the size.
+        center: what becomes the origin: the middle of the bounding box, the centre of mass, or the file's own origin.
+        alignment: "none": the file's axes; "y-up": its y becomes z; "inertia": principal axes along x, y, z, the
+            longest first; "box": those of the smallest box around it.
+    """
+
+    extent: tuple[float, float] | None = None
+    max_faces: int = MAX_FACES
+    center: Center = "bounding-box"
+    alignment: Alignment = "none"
+
+    def __post_init__(self) -> None:
+        if self.extent is not None and not 0 < self.extent[0] <= self.extent[1] < np.inf:
+            raise ScaleError(
+                f"extent = {self.extent!r}: two lengths in m with 0 < lowest <= highest are needed"
+            )
+        if self.max_faces < 12:
+            raise ObjectSetError(f"max_faces = {self.max_faces!r}: at least 12 are needed")
+        for key, valid in (("center", get_args(Center)), ("alignment", get_args(Alignment))):
+            value = getattr(self, key)
+            if value not in valid:
+                raise ObjectSetError(f"{key} = {value!r}{nearest(value, valid)}")
 
 
 class ImportedMesh(NamedTuple):
     """A sound solid from a file."""
 
-    vertices: np.ndarray  # (V, 3) float64 m, bounding box centred on the origin
+    vertices: np.ndarray  # (V, 3) float64 m, centred and aligned as asked
     faces: np.ndarray  # (F, 3) int32, watertight, outward
     sha256: str  # of the file
     repairs: tuple[str, ...]  # what was changed, in order; empty when nothing was
 
 
-def mesh_files(folder: Path) -> list[Path]:
+def mesh_files(folder: Path, recursive: bool = False) -> list[Path]:
     """Every mesh file of a folder, sorted by name. Raises ``ObjectSetError`` when there is none."""
     if not folder.is_dir():
         raise ObjectSetError(f"{folder}: no such folder; give a folder with {', '.join(FORMATS)} files")
-    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in FORMATS and path.is_file())
+    found = folder.rglob("*") if recursive else folder.iterdir()
+    files = sorted(path for path in found if path.suffix.lower() in FORMATS and path.is_file())
     if not files:
-        raise ObjectSetError(f"{folder}: no mesh file in it; read are {', '.join(FORMATS)}")
+        hint = "" if recursive else "; folders in it are looked into when asked for (recursive)"
+        raise ObjectSetError(f"{folder}: no mesh file in it; read are {', '.join(FORMATS)}{hint}")
     return files
 
 
-def read_mesh(
-    file: str | Path, extent: tuple[float, float] | None = None, max_faces: int = MAX_FACES
-) -> ImportedMesh:
-    """Read one mesh file and make a sound solid of it.
+def import_mesh(file: str | Path, config: ImportConfig) -> ImportedMesh:
+    """Read one mesh file and make a sound solid of it, in this process and without bounds of memory and time.
 
-    Args:
-        file: STL, OBJ, PLY, GLB/GLTF, OFF or 3MF; lengths in metres unless ``extent`` is given.
-        extent: (lowest, highest) m for the largest extent; a mesh outside is scaled to the nearer bound, all axes
-            alike. Units in the file then don't matter.
-        max_faces: denser meshes are simplified within ``SIMPLIFICATION``.
-
-    Raises:
-        MeshError: the file can't be read, or is no solid that could be repaired safely; it names file, defect, remedy.
+    For files of unknown origin there is ``reading.read_mesh``; arguments and errors are the same.
     """
     from object_sets.csg import to_mesh
+    from object_sets.posing import aligned
+    from object_sets.repair import check_sound, sound_solid
 
     path = Path(file)
     repairs: list[str] = []
-    vertices, faces, digest = _read(path)
-    vertices, faces = _clean(path, vertices, faces, repairs)
-    vertices, faces = _closed(path, vertices, faces, repairs)
-    solid = _solid(path, vertices, faces, repairs)
-    size = float(np.ptp(vertices, axis=0).max())
-    solid = _simplified(path, solid, size, max_faces, repairs)
-    factor = _scale(path, size, extent, repairs)
-    vertices, faces = to_mesh(solid.scale((factor, factor, factor)))
-    _sound(path, vertices, faces)
-    return ImportedMesh(vertices, faces, digest, tuple(repairs))
-
-
-def _read(path: Path) -> tuple[np.ndarray, np.ndarray, str]:
-    import trimesh
-
-    if path.suffix.lower() not in FORMATS:
-        raise MeshError(path, f"unknown ending {path.suffix!r}", f"convert it to one of {', '.join(FORMATS)}")
-    try:
-        digest = sha256(path.read_bytes())
-    except OSError as error:
-        raise MeshError(
-            path, f"can't be read ({error.strerror})", "check the path and its permissions"
-        ) from error
-    quiet = logging.getLogger("trimesh")
-    level = quiet.level
-    quiet.setLevel(logging.CRITICAL)  # what it would say is raised below, with the file's name
-    try:
-        mesh = trimesh.load_scene(path, process=False).to_mesh()
-        vertices, faces = np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
-    except Exception as error:  # parsers raise anything on broken input
-        first = (str(error).strip() or type(error).__name__).splitlines()[0][:200]
-        raise MeshError(
-            path, f"is no readable {path.suffix[1:].upper()} file ({first})", "export it again"
-        ) from error
-    finally:
-        quiet.setLevel(level)
-    if len(faces) == 0 or faces.ndim != 2:
-        raise MeshError(
-            path, "has no triangles", "export the surface, not a point cloud, curves or an empty scene"
-        )
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise MeshError(path, "has faces that name vertices it lacks", "export it again")
-    used = vertices[np.unique(faces)]
-    if not np.isfinite(used).all():
-        raise MeshError(path, "has vertices that are not finite numbers", "export it again")
-    return vertices, faces, digest
-
-
-def _clean(
-    path: Path, vertices: np.ndarray, faces: np.ndarray, repairs: list[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Merge equal vertices, drop faces without corners of their own and repeated faces."""
-    size = float(np.ptp(vertices[np.unique(faces)], axis=0).max())
-    if size == 0:
-        raise MeshError(path, "all its vertices are one point", "export it again")
-    used, faces = np.unique(faces, return_inverse=True)
-    vertices, faces = vertices[used], faces.reshape(-1, 3)
-    # The same position written once a face or once a texture corner is how files are, not a defect.
-    vertices, inverse = np.unique(vertices, axis=0, return_inverse=True)
-    faces = inverse.reshape(-1)[faces]
-    _, first, inverse = np.unique(
-        np.round(vertices / (1e-7 * size)).astype(np.int64), axis=0, return_index=True, return_inverse=True
-    )
-    if len(first) < len(vertices):
-        repairs.append(f"merged {len(vertices) - len(first)} vertices that lay within rounding of others")
-        vertices, faces = vertices[first], inverse.reshape(-1)[faces]
-    proper = (faces != np.roll(faces, 1, axis=1)).all(axis=1)
-    if not proper.all():
-        repairs.append(f"dropped {int((~proper).sum())} faces with repeated corners")
-        faces = faces[proper]
-    _, index = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    if len(index) < len(faces):
-        repairs.append(f"dropped {len(faces) - len(index)} repeated faces")
-        faces = faces[np.sort(index)]
-    if len(faces) < 4:
-        raise MeshError(path, f"has {len(faces)} proper triangles", "a solid needs at least 4")
-    return vertices, faces
-
-
-def _closed(
-    path: Path, vertices: np.ndarray, faces: np.ndarray, repairs: list[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Turn faces to a common side and close small holes; refuse what stays open."""
-    import trimesh
-
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    uses = np.bincount(trimesh.grouping.unique_rows(mesh.edges_sorted)[1])
-    if (uses > 2).any():
-        raise MeshError(
-            path, f"{int((uses > 2).sum())} edges belong to more than two faces",
-            "separate bodies that touch along an edge and remove inner walls",
-        )  # fmt: skip
-    before = mesh.faces.copy()
-    trimesh.repair.fix_winding(mesh)
-    turned = int((mesh.faces != before).any(axis=1).sum())
-    if turned:
-        repairs.append(f"turned {turned} faces to the side of their neighbours")
-    missing = int((uses == 1).sum())
-    if missing:
-        area, count = mesh.area, len(mesh.faces)
-        filled = trimesh.repair.fill_holes(mesh)
-        if not (filled and mesh.is_watertight) or mesh.area > (1.0 + HOLE_AREA) * area:
-            raise MeshError(
-                path, f"is open: {missing} edges border a hole", "close it in a modelling program"
-            )
-        repairs.append(f"closed holes with {missing} border edges by {len(mesh.faces) - count} faces")
-        trimesh.repair.fix_winding(mesh)
-    if not mesh.is_winding_consistent:
-        raise MeshError(
-            path, "its faces have no common outside (a one-sided surface)", "model a closed solid"
-        )
-    return np.asarray(mesh.vertices), np.asarray(mesh.faces, dtype=np.int64)
-
-
-def _solid(path: Path, vertices: np.ndarray, faces: np.ndarray, repairs: list[str]) -> Manifold:
-    """One solid of all bodies: inside-out ones turned, several united, cavities kept."""
-    import trimesh
-
-    from object_sets.csg import to_manifold, union
-    from object_sets.quality import winding_numbers
-
-    labels = trimesh.graph.connected_component_labels(
-        trimesh.Trimesh(vertices, faces, process=False).face_adjacency, node_count=len(faces)
-    )
-    bodies = [faces[labels == label] for label in range(labels.max() + 1)]
-    volumes = [np.einsum("fi,fi->f", *_first_and_normal(vertices, body)).sum() / 6.0 for body in bodies]
-    cavities, outer, turned = [], [], 0
-    for i, body in enumerate(bodies):
-        others = np.vstack([b for j, b in enumerate(bodies) if j != i]) if len(bodies) > 1 else None
-        point = vertices[body[0, :1]]
-        inner = others is not None and abs(winding_numbers(point, vertices, others)[0]) > 0.5
-        if volumes[i] < 0 and inner:
-            cavities.append(body[:, ::-1])
-        else:
-            turned += volumes[i] < 0
-            outer.append(body[:, ::-1] if volumes[i] < 0 else body)
-    if turned:
-        repairs.append(f"turned {turned} inside-out {'body' if turned == 1 else 'bodies'}")
-    solids = [to_manifold(vertices, body) for body in outer]
-    holes = [to_manifold(vertices, body) for body in cavities]
-    if any(item.is_empty() for item in solids + holes):
-        raise MeshError(
-            path, "is no manifold surface, or encloses nothing", "repair it in a modelling program"
-        )
-    solid = union(solids)
-    if len(outer) > 1:
-        repairs.append(f"united {len(outer)} bodies")
-    if holes:
-        solid = solid - union(holes)
-        repairs.append(f"kept {len(holes)} closed cavities")
-    _connected(path, solid, repairs)
+    triangles = parse(path)
+    solid = sound_solid(path, triangles.vertices, triangles.faces, config.max_faces, repairs)
+    solid = aligned(solid, config.alignment)
     low, high = np.array(solid.bounding_box()).reshape(2, 3)
-    if 2.0 * solid.volume() < FLATNESS * solid.surface_area() * (high - low).max():
-        raise MeshError(path, "is flat: it encloses next to no volume", "give the surface a thickness")
-    return solid
-
-
-def _connected(path: Path, solid: Manifold, repairs: list[str]) -> None:
-    """Refuse bodies that lie apart; a gap of rounding size counts as contact and is reported."""
-    bodies = [body for body in solid.decompose() if body.volume() > 0]
-    low, high = np.array(solid.bounding_box()).reshape(2, 3)
-    size = float((high - low).max())
-    reached, left, widest = [bodies[0]], bodies[1:], 0.0
-    while reached and left:
-        body = reached.pop()
-        gaps = [body.min_gap(other, 2.0 * GAP * size) for other in left]
-        near = [gap <= GAP * size for gap in gaps]
-        widest = max([widest, *(gap for gap, close in zip(gaps, near) if close)])
-        reached += [other for other, close in zip(left, near) if close]
-        left = [other for other, close in zip(left, near) if not close]
-    if left:
-        raise MeshError(
-            path,
-            f"has bodies that don't touch ({len(bodies)} bodies, {len(left)} of them apart)",
-            "save each body as a file of its own",
-        )
-    if widest > 0:
-        repairs.append(
-            f"took {len(bodies)} bodies as one, gaps up to {100 * widest / size:.2g} % of its size"
-        )
-
-
-def _first_and_normal(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    a, b, c = (vertices - vertices.mean(axis=0))[faces].transpose(1, 0, 2)
-    return a, np.cross(b, c)
-
-
-def _simplified(path: Path, solid: Manifold, size: float, max_faces: int, repairs: list[str]) -> Manifold:
-    count = solid.num_tri()
-    if count <= max_faces:
-        return solid
-    for share in (0.001, 0.002, 0.005, SIMPLIFICATION):
-        simple = solid.simplify(share * size)
-        if simple.num_tri() <= max_faces:
-            repairs.append(
-                f"simplified {count} faces to {simple.num_tri()} (within {100 * share:g} % of its size)"
-            )
-            return simple
-    left = f"{simple.num_tri()} when simplified within {100 * SIMPLIFICATION:g} % of its size"
-    raise MeshError(path, f"has {count} faces, and {left}", f"simplify it to at most {max_faces}")
+    factor = _scale(path, float((high - low).max()), config.extent, repairs)
+    vertices, faces = to_mesh(solid.scale((factor, factor, factor)), config.center)
+    check_sound(path, vertices, faces)
+    return ImportedMesh(vertices, faces, triangles.sha256, tuple(repairs))
 
 
 def _scale(path: Path, size: float, extent: tuple[float, float] | None, repairs: list[str]) -> float:
@@ -275,15 +103,3 @@ def _scale(path: Path, size: float, extent: tuple[float, float] | None, repairs:
             "save it in metres, or give an extent to scale to",
         )  # fmt: skip
     return 1.0
-
-
-def _sound(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
-    """Winding numbers of points beside the surface must be 0 or 1; anything else means it cuts through itself."""
-    from object_sets.quality import sample_surface, winding_numbers
-
-    points = sample_surface(vertices, faces, PROBES, seed=0)
-    spread = 0.01 * np.ptp(vertices, axis=0).max() * np.random.default_rng(0).normal(size=points.shape)
-    numbers = winding_numbers(points + spread, vertices, faces)
-    wrong = np.abs(numbers - np.clip(np.round(numbers), 0, 1)) > 0.01
-    if wrong.any():
-        raise MeshError(path, "cuts through itself", "unite its pieces in a modelling program")

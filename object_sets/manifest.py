@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -15,11 +15,16 @@ from object_sets.storage import json_bytes, sha256
 SCHEMA: Literal["object-set/1"] = "object-set/1"
 MANIFEST_NAME = "manifest.json"
 
+MANIFEST_BYTES = 256 * 2**20  # a larger file is refused before it is parsed
+
 Vector = tuple[float, float, float]
+Factor = Annotated[float, Field(gt=0)]
+# A name of a file in the manifest's own folder, on any system: no separator, no drive, not hidden, nothing invisible.
+PLAIN = r"^[^./\\:\x00-\x1f][^/\\:\x00-\x1f]*$"
 
 
 class _Record(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Part(_Record):
@@ -55,8 +60,10 @@ class Entry(_Record):
     """One object at its nominal size."""
 
     id: int = Field(ge=0)
-    name: str
-    file: str = Field(description="npz beside the manifest: vertices, faces, part0, part1, ...")
+    name: str = Field(pattern=PLAIN)
+    file: str = Field(
+        pattern=PLAIN, description="npz beside the manifest: vertices, faces, part0, part1, ..."
+    )
     sha256: str = Field(description="of that file")
     digest: str = Field(description="of mesh and parts (object_sets.Object.digest)")
     source: str
@@ -67,15 +74,21 @@ class Entry(_Record):
     faces: int
     extents: Vector = Field(description="m")
     volume: float = Field(gt=0, description="m^3")
-    center_of_mass: Vector = Field(description="m, from the centre of the bounding box")
+    center: Literal["bounding-box", "mass", "origin"] = Field(
+        description="what the origin is: the bounding box's centre, the centre of mass, or the source's own origin"
+    )
+    alignment: Literal["none", "y-up", "inertia", "box"] = Field(
+        description="how the source was turned: not, y to z, by principal axes, by its smallest box"
+    )
+    center_of_mass: Vector = Field(description="m, from the origin")
     inertia: tuple[Vector, Vector, Vector] = Field(description="kg m^2 of 1 kg, about the centre of mass")
-    mass: float | None = Field(description="kg, nominal; null when unknown")
+    mass: Factor | None = Field(description="kg, nominal; null when unknown")
     convexity: Literal["convex", "non-convex"]
     hull_ratio: float = Field(gt=0, description="volume over the volume of the convex hull")
     parts: tuple[Part, ...] = Field(min_length=1)
     errors: Errors
     decomposition: Decomposition
-    scales: tuple[Vector, ...] = Field(
+    scales: tuple[tuple[Factor, Factor, Factor], ...] = Field(
         description="per-axis factors of the prepared sizes; empty: nominal only"
     )
 
@@ -109,17 +122,20 @@ class Manifest(_Record):
         """Read and verify. Raises ``DataError`` naming ``file`` for another schema, bad fields or a wrong digest."""
         import json
 
+        if len(data) > MANIFEST_BYTES:
+            raise DataError(f"{file}: {len(data)} bytes; allowed are {MANIFEST_BYTES}")
         try:
             content = json.loads(data)
             digest = content.pop("digest")
             found = content.get("schema")
-        except (ValueError, KeyError, AttributeError, TypeError) as error:
+            actual = sha256(json_bytes(content))
+        except (ValueError, KeyError, AttributeError, TypeError, RecursionError) as error:
             raise DataError(
                 f"{file}: no manifest of an object set ({error!r}); build the set again"
             ) from error
         if found != SCHEMA:
             raise DataError(f"{file}: schema {found!r}, this version reads {SCHEMA!r}; build the set again")
-        if digest != sha256(json_bytes(content)):
+        if digest != actual:
             raise DataError(
                 f"{file}: digest does not fit the content; the file was altered, build the set again"
             )

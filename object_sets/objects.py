@@ -16,7 +16,9 @@ from object_sets.mass import MassProperties, mass_properties
 
 @dataclass(frozen=True, eq=False)
 class Object:
-    """One object in its canonical pose: bounding box centred on the origin, SI units. Arrays are read-only.
+    """One object in its canonical pose, SI units. Arrays are read-only.
+
+    The bounding box is centred on the origin unless its set was built with another centre.
 
     ``mass`` is the nominal mass in kg where it is known (the apple's 0.068), else None; it belongs to the object, not
     to its volume, so scaling leaves it. ``parts`` are the corners of the convex hulls that stand for the solid in the

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib.metadata import version
+from typing import NamedTuple
 
 import numpy as np
 
 from object_sets.decomposition import DecompositionConfig, decompose, is_convex
 from object_sets.errors import MeshError
+from object_sets.importing import Alignment, Center
 from object_sets.manifest import Decomposition, Entry, Errors, Part
 from object_sets.mass import mass_properties
 from object_sets.objects import Object
@@ -30,12 +32,22 @@ class Candidate:
     licence: str
     mass: float | None = None
     source_sha256: str | None = None
+    center: Center = "bounding-box"
+    alignment: Alignment = "none"
     repairs: tuple[str, ...] = ()
     scales: tuple[tuple[float, float, float], ...] = ()
 
 
-def prepare(candidate: Candidate, config: DecompositionConfig) -> tuple[Entry, bytes]:
-    """The manifest entry and the npz file of one object.
+class Prepared(NamedTuple):
+    """One object, its entry in the manifest, and its npz file."""
+
+    item: Object
+    entry: Entry
+    data: bytes
+
+
+def prepare(candidate: Candidate, config: DecompositionConfig) -> Prepared:
+    """Convex parts, errors, manifest entry and npz file of one object.
 
     Raises:
         DecompositionError: CoACD gave no parts.
@@ -54,7 +66,7 @@ def prepare(candidate: Candidate, config: DecompositionConfig) -> tuple[Entry, b
     errors = part_errors(item.vertices, item.faces, item.parts, config.seed)
     if errors.hausdorff > MAX_HAUSDORFF * item.extents.max():
         raise MeshError(
-            candidate.source if candidate.source_sha256 else candidate.name,
+            candidate.name,
             f"its {len(parts)} convex parts are up to {1000 * errors.hausdorff:.1f} mm off the surface",
             f"lower the CoACD threshold ({config.threshold}) or allow more parts",
         )
@@ -75,6 +87,8 @@ def prepare(candidate: Candidate, config: DecompositionConfig) -> tuple[Entry, b
         faces=len(item.faces),
         extents=_rounded(item.extents),
         volume=_rounded(item.volume),
+        center=candidate.center,
+        alignment=candidate.alignment,
         center_of_mass=_rounded(item.center_of_mass, floor=1e-12),
         inertia=_rounded(item.inertia, floor=1e-12),
         mass=item.mass,
@@ -91,7 +105,7 @@ def prepare(candidate: Candidate, config: DecompositionConfig) -> tuple[Entry, b
         ),
         scales=candidate.scales,
     )
-    return entry, data
+    return Prepared(item, entry, data)
 
 
 def versions() -> dict[str, str]:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from object_sets.errors import DataError, UnknownObjectError, nearest
 from object_sets.objects import Object, ObjectSet
 from object_sets.storage import read_npz, sha256
+
+if TYPE_CHECKING:
+    from object_sets.manifest import Manifest
 
 DATA = Path(__file__).with_name("data")
 
@@ -79,24 +84,42 @@ def select(text: str) -> ObjectSet:
 
 @lru_cache(maxsize=1)
 def _shipped() -> ObjectSet:
-    return _read(DATA)
+    return _read(DATA, own=True)
 
 
-def _read(directory: Path) -> ObjectSet:
+def _read(directory: Path, own: bool = False) -> ObjectSet:
     from object_sets.manifest import MANIFEST_NAME, Manifest
 
     manifest = Manifest.from_bytes((directory / MANIFEST_NAME).read_bytes(), directory / MANIFEST_NAME)
     objects: list[Object] = []
+    for entry, nominal in zip(manifest.objects, nominal_objects(manifest, directory, own), strict=True):
+        objects.extend(_sizes(nominal, entry.scales, len(objects)))
+    return ObjectSet(manifest.name, tuple(objects))
+
+
+def nominal_objects(manifest: Manifest, directory: Path, own: bool = False) -> Iterator[Object]:
+    """The objects of a manifest in ``directory`` at their nominal sizes, digests verified.
+
+    With ``own`` files may be links that leave the folder: installers link the package's own data so.
+
+    Raises:
+        DataError: a file is missing, altered, or not what the manifest says.
+    """
     for entry in manifest.objects:
         file = directory / entry.file
         if not file.is_file():
             raise DataError(f"{file}: missing, the manifest lists it; build the set again")
+        if not own and file.resolve().parent != directory.resolve():
+            raise DataError(f"{file}: a link that leaves the set's folder; copy the file itself")
         data = file.read_bytes()
         if sha256(data) != entry.sha256:
             raise DataError(
                 f"{file}: sha256 does not fit the manifest; the file was altered, build the set again"
             )
         arrays = read_npz(data, file)
+        wanted = {"vertices", "faces", *(f"part{i}" for i in range(len(entry.parts)))}
+        if arrays.keys() != wanted:
+            raise DataError(f"{file}: arrays {sorted(arrays)}; the manifest says {sorted(wanted)}")
         nominal = Object(
             id=entry.id,
             name=entry.name,
@@ -110,8 +133,7 @@ def _read(directory: Path) -> ObjectSet:
         )
         if nominal.digest != entry.digest:
             raise DataError(f"{file}: content digest does not fit the manifest; build the set again")
-        objects.extend(_sizes(nominal, entry.scales, len(objects)))
-    return ObjectSet(manifest.name, tuple(objects))
+        yield nominal
 
 
 def _sizes(nominal: Object, scales: tuple, start: int) -> list[Object]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import math
 import os
 import tempfile
 import zipfile
@@ -16,6 +17,7 @@ import numpy as np
 
 from object_sets.errors import DataError
 
+UNPACKED = 512 * 2**20  # bytes an npz may unpack to
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip can hold
 
 
@@ -34,12 +36,34 @@ def npz_bytes(arrays: Mapping[str, np.ndarray]) -> bytes:
 
 
 def read_npz(data: bytes, file: object) -> dict[str, np.ndarray]:
-    """The arrays of an npz. Raises ``DataError`` naming ``file`` when it is none, or asks for pickle."""
+    """The arrays of an npz of this package.
+
+    Raises ``DataError`` naming ``file`` when it is none, asks for pickle, or unpacks to far more than it holds.
+    """
+    arrays = {}
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            unpacked = sum(member.file_size for member in archive.infolist())
+            if unpacked > UNPACKED:
+                raise ValueError(f"unpacks to {unpacked / 2**20:.0f} MiB; allowed are {UNPACKED // 2**20}")
+            for member in archive.infolist():
+                arrays[member.filename.removesuffix(".npy")] = _array(archive.read(member))
+    except Exception as error:  # zipfile and zlib raise a dozen kinds on broken input
         raise DataError(f"{file}: no readable npz ({error}); build the set again") from error
+    return arrays
+
+
+def _array(data: bytes) -> np.ndarray:
+    """One npy of numbers. Its header is held against its length before any memory is asked for."""
+    stream = io.BytesIO(data)
+    if np.lib.format.read_magic(stream) != (1, 0):
+        raise ValueError("npy of an unknown version")
+    shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
+    if dtype.hasobject or dtype.kind not in "biuf" or fortran:
+        raise ValueError(f"an array of type {dtype} where plain numbers are expected")
+    if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != len(data) - stream.tell():
+        raise ValueError(f"an array of shape {shape} in {len(data)} bytes")
+    return np.frombuffer(data, dtype, offset=stream.tell()).reshape(shape).copy()
 
 
 def json_bytes(content: Any) -> bytes:

@@ -111,10 +111,17 @@ def test_timeout_is_an_error_with_a_remedy(cache):
 
 @pytest.mark.parametrize(
     "settings",
-    [{"threshold": 0.0}, {"threshold": 2.0}, {"max_parts": 0}, {"hull_vertices": 4}, {"timeout": 0.0}],
+    [
+        {"threshold": 0.0},
+        {"threshold": 2.0},
+        {"max_parts": 0},
+        {"hull_vertices": 4},
+        {"timeout": 0.0},
+        {"memory": 0.1},
+    ],
 )
 def test_bad_settings(settings):
-    with pytest.raises(DecompositionError, match=next(iter(settings))):
+    with pytest.raises(ObjectSetError, match=next(iter(settings))):
         DecompositionConfig(**settings)
 
 

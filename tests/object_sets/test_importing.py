@@ -7,7 +7,7 @@ import trimesh
 import object_sets
 from object_sets import MeshError, ObjectSetError
 from object_sets.cli import main
-from object_sets.importing import read_mesh
+from object_sets.importing import ImportConfig, import_mesh
 
 SIDES = (0.06, 0.05, 0.07)
 
@@ -29,9 +29,16 @@ def volume(mesh):
     return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).volume
 
 
+def read_mesh(path, **settings):
+    """In this process; what a process of its own adds is tested in test_hostile_files.py."""
+    return import_mesh(path, ImportConfig(**settings))
+
+
 @pytest.mark.parametrize("ending", ["stl", "obj", "ply", "glb", "gltf", "off", "3mf"])
 def test_formats(ending, save, tmp_path):
     mesh = cube().apply_translation((1, 2, 3))
+    if ending == "3mf":
+        mesh.apply_scale(1000.0)  # the one format with a unit, by default the millimetre
     if ending == "gltf":
         for name, data in trimesh.Scene(mesh).export(file_type="gltf").items():
             (tmp_path / name.replace("model", "mesh")).write_bytes(data)
@@ -234,5 +241,5 @@ def test_nothing_usable_is_an_error(tmp_path):
     with pytest.raises(ObjectSetError, match="no such folder"):
         object_sets.build(tmp_path / "out", meshes=tmp_path / "none")
     _open().export(tmp_path / "broken.stl")
-    with pytest.raises(ObjectSetError, match=r"(?s)no mesh could be used.*broken\.stl"):
+    with pytest.raises(ObjectSetError, match=r"(?s)no object could be made.*broken\.stl"):
         object_sets.build(tmp_path / "out", meshes=tmp_path)
