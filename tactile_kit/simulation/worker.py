@@ -81,13 +81,14 @@ class Group:
             views["status"][index] = status
             simulator.read(*(views[name][index] for name in ("z", "x", "R", "q")))
             if status != Status.RUNNING:
-                ended[index] = {
+                end: dict[str, Any] = {
                     "fault": simulator.fault,
                     "steps": simulator.elapsed,
                     "physics": simulator.physics,
                 }
                 if status == Status.FAULT:
-                    ended[index]["dump"] = simulator.dump()
+                    end["dump"] = simulator.dump()
+                ended[index] = end
                 self._start(simulator, index)
         return ended
 
