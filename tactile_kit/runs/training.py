@@ -260,7 +260,7 @@ def _check_resume(config: RunConfig, saved: checkpoints.Checkpoint, directory: P
         raise ConfigError(
             f"{directory}: holds a run at {saved.step:,} steps; resume it or choose another directory"
         )
-    lines = differences(saved.values["config"], config.to_dict())
+    lines = differences(_completed(saved.values["config"]), config.to_dict())
     found = versions()
     lines += [
         f"version of {name}: {old} -> {found.get(name, 'absent')}"
@@ -269,6 +269,14 @@ def _check_resume(config: RunConfig, saved: checkpoints.Checkpoint, directory: P
     ]
     if lines:
         raise ConfigError(f"{directory}: holds a run of other settings:\n  " + "\n  ".join(lines))
+
+
+def _completed(settings: Any) -> Any:
+    """A checkpoint's settings with the defaults of those that did not exist yet, which do as it was before them."""
+    try:
+        return RunConfig.build(settings).to_dict()
+    except ConfigError:  # a setting that is gone: the difference shows it
+        return settings
 
 
 def _write_record(directory: Path, resumed: checkpoints.Checkpoint | None) -> None:

@@ -102,3 +102,15 @@ def test_settings_do_not_import_torch() -> None:
         "assert 'torch' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+
+
+def test_settings_from_before_a_setting_existed_are_completed_with_its_default() -> None:
+    from tactile_kit.runs.training import _completed
+
+    now = RunConfig().to_dict()
+    old = {name: value for name, value in now.items() if name != "episodes"}
+    old["ppo"] = {name: value for name, value in now["ppo"].items() if name != "noise_correlation"}
+    assert differences(old, now)
+    assert differences(_completed(old), now) == []
+    gone = {**old, "teapots": 3}
+    assert any(line.startswith("teapots") for line in differences(_completed(gone), now))
