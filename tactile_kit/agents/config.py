@@ -41,6 +41,9 @@ class PPOConfig(Settings):
     log_std: float = Field(
         -0.5, description="Initial log sigma of the actions, state-independent (own choice)."
     )
+    noise_correlation: float = Field(
+        0.0, ge=0, lt=1, description="Correlation of the noise from one action to the next (own choice)."
+    )
     bounded_mean: bool = Field(False, description="The mean passes a tanh, as a warm start from SAC needs.")
     actor: NetworkConfig = NetworkConfig()
     critic: NetworkConfig = NetworkConfig()

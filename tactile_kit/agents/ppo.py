@@ -2,10 +2,14 @@
 
 Separate actor and critic on the same observation, one sigma a joint, and a learning rate that follows the
 Kullback-Leibler divergence between the policy that collected and the one being updated, as in rl_games.
+
+The noise may be correlated in time. What is left of the last action's noise then shifts the mean of the next, and the
+density of an action is that of the new part alone (Korenkevych et al. 2019), so that the update stays exact.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -85,6 +89,11 @@ class PPO(stable_baselines3.PPO):
         self.order = stream(seed, "learner", "minibatches")
         self.rate = config.learning_rate
         self._means = Means()
+        self._new = (
+            1.0 - config.noise_correlation**2
+        ) ** 0.5  # share of an action's sigma that is not left over
+        self._wander = torch.zeros(env.num_envs, env.action_space.shape[0])  # type: ignore[index]
+        self._left_over = torch.zeros(config.rollout, *self._wander.shape)
         policy: dict[str, Any] = {
             "layout": layout,
             "actor": config.actor,
@@ -126,19 +135,22 @@ class PPO(stable_baselines3.PPO):
         callback.on_rollout_start()
         rollout_buffer.reset()
         dones = self._last_episode_starts
-        for _ in range(n_rollout_steps):
+        for step in range(n_rollout_steps):
             observations = np.array(self._last_obs, dtype=np.float32)  # the environment may reuse its buffers
             with torch.no_grad():
                 mean, log_std, values = self.policy.moments_and_values(torch.from_numpy(observations))
-                noise = torch.randn(mean.shape, generator=self.noise)
-                actions = mean + log_std.exp() * noise
-                density = gaussian_log_density(actions, mean, log_std)
+                left = self._left_over[step] = self.config.noise_correlation * self._wander
+                fresh = self._new * log_std.exp() * torch.randn(mean.shape, generator=self.noise)
+                actions = mean + left + fresh
+                density = gaussian_log_density(actions, mean + left, log_std + math.log(self._new))
+                self._wander = left + fresh
             new_obs, rewards, dones, infos = env.step(actions.clamp(-1.0, 1.0).numpy())
             self.num_timesteps += env.num_envs
             self._update_info_buffer(infos, dones)
             rewards = self._bootstrap(np.array(rewards, dtype=np.float32), infos, dones)
             starts = self._last_episode_starts
             rollout_buffer.add(observations, actions.numpy(), rewards, starts, values, density)  # type: ignore[arg-type]
+            self._wander[torch.from_numpy(np.asarray(dones, dtype=bool))] = 0.0
             self._last_obs, self._last_episode_starts = new_obs, dones  # type: ignore[assignment]
             callback.update_locals(locals())
             if not callback.on_step():
@@ -174,6 +186,7 @@ class PPO(stable_baselines3.PPO):
         observations = _flat(buffer.observations)
         actions, advantages = _flat(buffer.actions), _flat(buffer.advantages)
         returns, densities = _flat(buffer.returns), _flat(buffer.log_probs)
+        left_over, narrower = self._left_over.flatten(0, 1), math.log(self._new)
         inputs = self.policy.norm(observations)  # frozen during the update: once is enough
         actor, critic, optimizer = self.policy.actor, self.policy.critic, self.policy.optimizer
         parameters = [p for group in optimizer.param_groups for p in group["params"]]
@@ -192,7 +205,8 @@ class PPO(stable_baselines3.PPO):
                     value = critic.embed(critic.features.embed(batch)).squeeze(1)
                 advantage = advantages[at]
                 advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
-                ratio = (gaussian_log_density(actions[at], mean, log_std) - densities[at]).exp()
+                density = gaussian_log_density(actions[at], mean + left_over[at], log_std + narrower)
+                ratio = (density - densities[at]).exp()
                 clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
                 policy_loss = -torch.min(advantage * ratio, advantage * clipped).mean()
                 value_loss = (value - returns[at]).square().mean()
@@ -202,7 +216,9 @@ class PPO(stable_baselines3.PPO):
                 loss.backward()
                 torch.nn.utils.clip_grad_norm_(parameters, config.max_gradient_norm)
                 with torch.no_grad():
-                    divergence = gaussian_divergence(mean, log_std, old_means[at], old_log_std)
+                    divergence = gaussian_divergence(
+                        mean, log_std + narrower, old_means[at], old_log_std + narrower
+                    )
                 self.rate = adapted_rate(
                     self.rate, float(divergence), config.kl_threshold, config.learning_rate_bounds
                 )
@@ -229,6 +245,7 @@ class PPO(stable_baselines3.PPO):
         moments, rates = pack_optimizer("optimizer", self.policy.optimizer)
         tensors.update(moments)
         tensors["noise"] = self.noise.get_state().clone()
+        tensors["wander"] = self._wander.clone()
         if self._last_obs is not None:
             tensors["observation"] = torch.from_numpy(np.array(self._last_obs, dtype=np.float32))
             tensors["episode_starts"] = torch.from_numpy(np.array(self._last_episode_starts, dtype=bool))
@@ -246,6 +263,8 @@ class PPO(stable_baselines3.PPO):
         self.policy.load_state_dict(unpack("policy", tensors))
         unpack_optimizer("optimizer", self.policy.optimizer, tensors, values["optimizer"])
         self.noise.set_state(tensors["noise"])
+        if "wander" in tensors:
+            self._wander = tensors["wander"].clone()
         unpack_numpy_generator(self.order, values["order"])
         self.num_timesteps, self._n_updates, self.rate = values["steps"], values["updates"], values["rate"]
         if "observation" in tensors:

@@ -55,6 +55,37 @@ def test_sac_learns_from_wrong_beliefs_with_true_rewards() -> None:
     assert last < 0.7 and last < first
 
 
+def test_ppo_with_correlated_noise_improves() -> None:
+    config = PPO_TOY.model_copy(update={"noise_correlation": 0.6})
+    first, last = run(PPO(ToyEnv(32, seed=1), config, seed=0), 30)
+    assert first > 1.2 and last < 0.95
+
+
+def test_ppos_noise_is_as_correlated_and_as_large_as_asked() -> None:
+    """Over whole episodes; and the stored density is that of the action given the noise left over."""
+    config = PPO_TOY.model_copy(update={"noise_correlation": 0.7, "rollout": 128})
+    learner = PPO(ToyEnv(64, seed=1, horizon=1000), config, seed=0)
+    tracker = Tracker()
+    learner._setup_learn(10**9, tracker)
+    assert learner.env is not None
+    learner.collect_rollouts(learner.env, tracker, learner.rollout_buffer, 128)
+    buffer = learner.rollout_buffer
+    with torch.no_grad():
+        means = learner.policy.moments_and_values(torch.from_numpy(buffer.observations).flatten(0, 1))[0]
+    sigma = learner.policy.actor.log_std.detach().exp()
+    noise = (torch.from_numpy(buffer.actions) - means.reshape(128, 64, -1))[
+        40:
+    ] / sigma  # after its start at zero
+    assert noise.std() == pytest.approx(1.0, abs=0.03)
+    assert (noise[1:] * noise[:-1]).mean() == pytest.approx(0.7, abs=0.03)
+    left = learner._left_over[40:] / sigma
+    new = (noise - left) / (1 - 0.7**2) ** 0.5
+    density = (-0.5 * new.square() - 0.5 * math.log(2 * math.pi) - (sigma * (1 - 0.7**2) ** 0.5).log()).sum(
+        -1
+    )
+    np.testing.assert_allclose(buffer.log_probs[40:], density.numpy(), atol=1e-3)
+
+
 def test_ppo_improves() -> None:
     first, last = run(PPO(ToyEnv(32, seed=1), PPO_TOY, seed=0), 30)
     assert first > 1.2 and last < 0.85
