@@ -175,7 +175,9 @@ def _run(
             )  # fmt: skip
         if code != 0 or not target.exists():
             raise DecompositionError(
-                name, f"CoACD ended with code {code}: {words or 'no message'}", "repair or simplify the mesh"
+                name,
+                f"CoACD ended with code {code}: {words or 'no message'}",
+                "repair or simplify the mesh, or allow more memory",
             )
         arrays = read_npz(target.read_bytes(), target)
     return {key: value if key == "count" else value * scale for key, value in arrays.items()}

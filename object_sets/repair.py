@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 SIMPLIFICATION = 0.01  # of the largest extent: the surface may move by this much at most while simplifying
+SHRINKAGE = 0.05  # of the volume: what simplifying may change
 HOLE_AREA = 0.02  # of the surface: what filling holes may add
 FLATNESS = 1e-3  # mean thickness over largest extent below which a mesh is a sheet, not a solid
 GAP = 2e-3  # of the largest extent: bodies no farther apart count as touching
@@ -184,6 +185,12 @@ def _simplified(path: Path, solid: Manifold, size: float, max_faces: int, repair
         return solid
     for share in (0.001, 0.002, 0.005, SIMPLIFICATION):
         simple = solid.simplify(share * size)
+        if abs(simple.volume() - solid.volume()) > SHRINKAGE * solid.volume():
+            raise MeshError(
+                path,
+                f"has {count} faces and parts too thin to simplify",
+                f"simplify it to at most {max_faces}",
+            )
         if simple.num_tri() <= max_faces:
             repairs.append(
                 f"simplified {count} faces to {simple.num_tri()} (within {100 * share:g} % of its size)"

@@ -36,6 +36,7 @@ def sample(
     seed: int = 0,
     extent: tuple[float, float] = EXTENT,
     graspable: GraspCheck | None = None,
+    draws: int = DRAWS,
     coacd_threshold: float = 0.05,
     max_parts: int = 8,
     timeout: float = Limits.timeout,
@@ -53,7 +54,7 @@ def sample(
         family: "prism", "superquadric" or "csg".
         count: number of objects.
         extent: (lowest, highest) m; each axis's extent is drawn uniformly.
-        graspable: a grasp check; an object that fails is drawn again, up to ``DRAWS`` times. See ``grasp_check``.
+        graspable: a grasp check; an object that fails is drawn again, ``draws`` times at most. See ``grasp_check``.
         coacd_threshold, max_parts: of the convex parts; timeout, memory: seconds and GiB of CoACD for one object.
         mass: kg of every object; or ``density``: kg/m^3.
         jobs, progress: as in ``build``.
@@ -66,6 +67,8 @@ def sample(
         raise UnknownObjectError(f"family = {family!r}{nearest(family, FAMILIES)}")
     if not 1 <= count <= 9999:
         raise ObjectSetError(f"count = {count!r}: 1 to 9999 are allowed")
+    if draws < 1:
+        raise ObjectSetError(f"draws = {draws!r}: at least 1 is needed")
     config = DecompositionConfig(
         threshold=coacd_threshold, max_parts=max_parts, seed=seed, timeout=timeout, memory=memory
     )
@@ -75,7 +78,7 @@ def sample(
         name = f"{family}_{index:04d}"
 
         def work() -> Prepared:
-            for number in range(DRAWS):
+            for number in range(draws):
                 vertices, faces = _drawn(family, seed, index, number, extent)
                 source = f"family {family}, seed {seed}, number {index}, draw {number}"
                 if graspable is not None:
@@ -96,7 +99,7 @@ def sample(
                 if held:
                     return prepared
             wish = "with faithful parts" if graspable is None else "graspable"
-            raise MeshError(name, f"none of {DRAWS} draws is {wish}", "change the extent or the seed")
+            raise MeshError(name, f"none of {draws} draws is {wish}", "change the extent or the seed")
 
         return Task(name, work)
 

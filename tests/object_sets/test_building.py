@@ -1,5 +1,6 @@
 """Convex parts and their errors; builds are reproducible; sizes are prepared."""
 
+import io
 import json
 
 import jsonschema
@@ -9,6 +10,7 @@ from scipy.spatial import ConvexHull
 
 import object_sets
 from object_sets import (
+    DataError,
     DecompositionConfig,
     DecompositionError,
     ObjectSetError,
@@ -17,8 +19,10 @@ from object_sets import (
 )
 from object_sets.decomposition import decompose
 from object_sets.manifest import Manifest, schema_bytes
+from object_sets.objects import content_digest
 from object_sets.quality import part_errors
 from object_sets.sets import DATA
+from object_sets.storage import json_bytes, npz_bytes, read_npz, sha256
 
 ALL = object_sets.load("all")
 MANIFEST = Manifest.from_bytes((DATA / "manifest.json").read_bytes(), "manifest.json")
@@ -107,6 +111,84 @@ def test_timeout_is_an_error_with_a_remedy(cache):
     with pytest.raises(DecompositionError, match=r"elephant: CoACD took longer than 0\.05 s"):
         decompose(item.vertices, item.faces, False, DecompositionConfig(timeout=0.05), item.name)
     assert not (cache / "coacd").exists()
+
+
+def test_memory_is_an_error_with_a_remedy(cache):
+    """A surface so fine that CoACD's process runs into its bound, for real; some allocations fail with a crash."""
+    size = 1000
+    u, v = np.meshgrid(np.arange(size), np.arange(size), indexing="ij")
+    a, b = 2 * np.pi * u / size, 2 * np.pi * v / size
+    ring = 0.03 + 0.015 * np.cos(b)
+    torus = np.stack([ring * np.cos(a), ring * np.sin(a), 0.015 * np.sin(b)], axis=-1).reshape(-1, 3)
+    right, up = (u + 1) % size, (v + 1) % size
+    corners = np.stack([u * size + v, right * size + v, right * size + up, u * size + up], axis=-1).reshape(
+        -1, 4
+    )
+    faces = np.vstack([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]]).astype(np.int32)
+    with pytest.raises(
+        DecompositionError, match=r"torus: CoACD (needs more than 0\.5 GiB|ended with code -)"
+    ):
+        decompose(torus, faces, False, DecompositionConfig(memory=0.5, timeout=120.0), "torus")
+    assert not (cache / "coacd").exists()
+
+
+@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 cut off", "truncated", "no parts", "flat", "pickled"])
+def test_damaged_cache_is_computed_again(cache, damage, caplog):
+    item = ALL["t_shape"]
+    config = DecompositionConfig(max_parts=2)
+    first = decompose(item.vertices, item.faces, False, config)
+    (file,) = (cache / "coacd").iterdir()
+    whole = file.read_bytes()
+    if damage == "truncated":
+        damage = whole[: len(whole) // 2]
+    elif damage == "no parts":
+        damage = npz_bytes({"count": np.array(0)})
+    elif damage == "flat":
+        damage = npz_bytes({"count": np.array(1), "part0": np.zeros((3, 3))})
+    elif damage == "pickled":
+        stream = io.BytesIO()
+        np.savez(stream, count=np.array([{"a": 1}], dtype=object))
+        damage = stream.getvalue()
+    file.write_bytes(damage)
+    again = decompose(item.vertices, item.faces, False, config)
+    assert "damaged, computed again" in caplog.text and file.read_bytes() == whole
+    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+
+
+def test_hundreds_of_parts_are_refused(cache):
+    """CoACD's answer for a rough surface, here put where the cache keeps it."""
+    item = ALL["t_shape"]
+    config = DecompositionConfig(max_parts=2)
+    decompose(item.vertices, item.faces, False, config)
+    (file,) = (cache / "coacd").iterdir()
+    part = read_npz(file.read_bytes(), file)["part0"]
+    many = {"count": np.array(300), **{f"part{i}": part + 0.001 * i for i in range(300)}}
+    file.write_bytes(npz_bytes(many))
+    with pytest.raises(DecompositionError, match="CoACD made 300 convex parts of it; allowed are 256"):
+        decompose(item.vertices, item.faces, False, config)
+
+
+def test_other_parts_for_the_same_seed_are_noticed(tmp_path, cache):
+    """A set says which parts it was made with: parts of another run neither load nor verify under its manifest."""
+    path = object_sets.build(tmp_path / "a", set_name="ood", max_parts=2)
+    assert object_sets.verify(path) == 5
+    arrays = read_npz((path.parent / "t_shape.npz").read_bytes(), path)
+    arrays["part0"] = arrays["part0"] * 0.97
+    data = npz_bytes(arrays)
+    (path.parent / "t_shape.npz").write_bytes(data)
+    with pytest.raises(DataError, match="sha256 does not fit"):
+        object_sets.load(path)
+    # Whoever writes matching digests too is caught by measuring again.
+    content = json.loads(path.read_bytes())
+    (entry,) = (entry for entry in content["objects"] if entry["name"] == "t_shape")
+    entry["sha256"] = sha256(data)
+    parts = tuple(arrays[f"part{i}"] for i in range(2))
+    entry["digest"] = content_digest(arrays["vertices"], arrays["faces"], *parts)
+    del content["digest"]
+    path.write_bytes(json_bytes({**content, "digest": sha256(json_bytes(content))}))
+    assert len(object_sets.load(path)) == 5
+    with pytest.raises(DataError, match=r"'t_shape': errors\.volume is said to be"):
+        object_sets.verify(path)
 
 
 @pytest.mark.parametrize(

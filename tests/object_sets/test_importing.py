@@ -8,6 +8,7 @@ import object_sets
 from object_sets import MeshError, ObjectSetError
 from object_sets.cli import main
 from object_sets.importing import ImportConfig, import_mesh
+from object_sets.mass import mass_properties
 
 SIDES = (0.06, 0.05, 0.07)
 
@@ -111,6 +112,77 @@ def test_extent_scales_all_axes_alike(save):
     result = read_mesh(path, extent=(0.045, 0.09))
     assert np.allclose(np.ptp(result.vertices, axis=0), (0.09, 0.045, 0.06), atol=1e-6)
     assert any("scaled" in repair for repair in result.repairs)
+
+
+def wedge():
+    """A prism whose bounding box is not centred on its mass, and whose three extents differ."""
+    profile = np.array([(0, 0), (0.06, 0), (0, 0.03)])
+    vertices = np.vstack([np.column_stack([profile, np.full(3, z)]) for z in (0.0, 0.04)])
+    faces = [(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3), (2, 3, 5)]
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def test_centers(save):
+    path = save(wedge())
+    box, mass, own = (read_mesh(path, center=center) for center in ("bounding-box", "mass", "origin"))
+    assert np.allclose(box.vertices.min(axis=0), -box.vertices.max(axis=0), atol=1e-8)
+    assert np.allclose(mass_properties(mass.vertices, mass.faces).center_of_mass, 0, atol=1e-8)
+    assert np.allclose(own.vertices.min(axis=0), 0, atol=1e-8)
+    for other in (mass, own):
+        shift = other.vertices - box.vertices
+        assert np.allclose(shift, shift[0], atol=2e-8) and np.abs(shift[0]).max() > 0.005
+
+
+TURN = trimesh.transformations.euler_matrix(0.5, 0.9, -0.4)
+
+
+def test_alignment_to_the_smallest_box(save):
+    result = read_mesh(save(cube().apply_transform(TURN)), alignment="box")
+    assert np.allclose(np.ptp(result.vertices, axis=0), sorted(SIDES, reverse=True), atol=1e-6)
+    assert volume(result) == pytest.approx(np.prod(SIDES), rel=1e-6)
+
+
+def test_alignment_to_the_principal_axes(save):
+    """The inertia becomes diagonal, smallest moment first, from whatever pose; a mirror image would show."""
+    poses = [np.eye(4), TURN, TURN @ TURN]
+    results = [read_mesh(save(wedge().apply_transform(pose)), alignment="inertia") for pose in poses]
+    for result in results:
+        inertia = mass_properties(result.vertices, result.faces).inertia
+        assert np.allclose(inertia, np.diag(np.diag(inertia)), atol=1e-9)
+        assert (np.diff(np.diag(inertia)) > 0).all()
+        assert volume(result) == pytest.approx(0.5 * 0.06 * 0.03 * 0.04, rel=1e-5)
+
+
+def test_alignment_leaves_what_has_no_axes(save):
+    """All axes of a cube are principal: it stays as it is; a rod turns about its own axis only as it must."""
+    box = trimesh.creation.box((0.05, 0.05, 0.05))
+    assert np.allclose(np.ptp(read_mesh(save(box), alignment="inertia").vertices, axis=0), 0.05, atol=1e-7)
+    rod = trimesh.creation.box((0.03, 0.03, 0.09))
+    result = read_mesh(save(rod), alignment="inertia")
+    assert np.allclose(np.ptp(result.vertices, axis=0), (0.09, 0.03, 0.03), atol=1e-7)
+
+
+def test_y_up(save):
+    result = read_mesh(save(wedge()), alignment="y-up", center="origin")
+    assert np.allclose(np.ptp(result.vertices, axis=0), (0.06, 0.04, 0.03), atol=1e-6)
+    assert result.vertices[:, 2].min() == pytest.approx(0, abs=1e-7)  # what was down in y is down in z
+    assert volume(result) == pytest.approx(0.5 * 0.06 * 0.03 * 0.04, rel=1e-5)
+
+
+def test_limit_of_faces(save):
+    path = save(trimesh.creation.icosphere(subdivisions=4, radius=0.03))
+    assert len(read_mesh(path, max_faces=6000).faces) == 5120
+    assert len(read_mesh(path, max_faces=2000).faces) <= 2000
+    with pytest.raises(MeshError, match=r"has 5120 faces, and .* simplify it to at most 20"):
+        read_mesh(path, max_faces=20)
+
+
+def test_quads(tmp_path):
+    lines = [f"v {x} {y} {z}" for x in (0, 0.05) for y in (0, 0.06) for z in (0, 0.07)]
+    faces = ["1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"]
+    (tmp_path / "quads.obj").write_text("\n".join([*lines, *(f"f {face}" for face in faces)]) + "\n")
+    result = read_mesh(tmp_path / "quads.obj")
+    assert len(result.faces) == 12 and volume(result) == pytest.approx(0.05 * 0.06 * 0.07, rel=1e-6)
 
 
 def _open():

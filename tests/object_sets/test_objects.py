@@ -1,10 +1,13 @@
 """Objects and sets: finding, scaling, equality, verification of the data."""
 
+import io
 import json
 import pickle
 import shutil
+import struct
 import subprocess
 import sys
+import zipfile
 
 import numpy as np
 import pytest
@@ -12,7 +15,7 @@ import pytest
 import object_sets
 from object_sets import DataError, ObjectSetError, ScaleError, UnknownObjectError
 from object_sets.sets import DATA
-from object_sets.storage import npz_bytes, read_npz
+from object_sets.storage import npz_bytes, read_npz, sha256
 
 
 def test_sets():
@@ -130,6 +133,102 @@ def test_altered_or_foreign_manifest_is_noticed(copy):
     path.write_text("{")
     with pytest.raises(DataError, match="no manifest"):
         object_sets.load(copy)
+
+
+def forged(copy, change, **fields):
+    """A manifest with other fields and a digest that fits."""
+    path = copy / "manifest.json"
+    content = json.loads(path.read_bytes())
+    content["objects"][0].update(change)
+    content.update(fields)
+    del content["digest"]
+    text = json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+    digest = sha256(text.encode())
+    path.write_text(json.dumps({**content, "digest": digest}))
+    return copy
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"file": "../outside.npz"},
+        {"file": "/etc/passwd"},
+        {"file": "a/b.npz"},
+        {"file": "..\\outside.npz"},
+        {"file": "C:outside.npz"},
+        {"file": ".hidden.npz"},
+        {"file": "nul\0.npz"},
+        {"name": "../../outside"},
+        {"scales": [[1.0, -1.0, 1.0]]},
+        {"mass": -0.1},
+        {"convexity": "round"},
+        {"center": "nowhere"},
+        {"further": 1},
+    ],
+    ids=str,
+)
+def test_forged_manifest_is_refused(copy, change):
+    """A path that climbs out, or values that no build writes, even when all digests fit."""
+    with pytest.raises(DataError, match=r"manifest\.json"):
+        object_sets.load(forged(copy, change))
+
+
+def test_forged_manifest_with_honest_fields_loads(copy):
+    """The files above are refused for what they change, not for the way they are forged."""
+    assert len(object_sets.load(forged(copy, {"source": "elsewhere"}))) == 16
+
+
+def test_strange_json_is_refused(copy):
+    for text in (
+        "[" * 100_000,
+        '{"digest": 1, "a": NaN}',
+        "[]",
+        "\x00",
+        '{"digest": "x", "schema": "object-set/2"}',
+    ):
+        (copy / "manifest.json").write_text(text)
+        with pytest.raises(DataError, match=r"manifest\.json"):
+            object_sets.load(copy)
+
+
+def test_link_out_of_the_folder_is_refused(copy, tmp_path):
+    (copy / "cube.npz").rename(tmp_path / "cube.npz")
+    (copy / "cube.npz").symlink_to(tmp_path / "cube.npz")
+    with pytest.raises(DataError, match=r"cube\.npz: a link that leaves the set's folder"):
+        object_sets.load(copy)
+
+
+def npy(header, data=b""):
+    text = header.encode() + b" " * (-(len(header) + 11) % 64) + b"\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(text)) + text + data
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        npy("{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000, 3), }"),
+        npy("{'descr': '<f8', 'fortran_order': False, 'shape': (-1, 3), }"),
+        npy("{'descr': '|O', 'fortran_order': False, 'shape': (1,), }", b"\x80\x04N."),
+        npy("__import__('os').abort()"),
+        b"\x93NUMPY\x09\x00",
+        b"",
+    ],
+)
+def test_arrays_that_lie_are_refused(entry):
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        archive.writestr("vertices.npy", entry)
+    with pytest.raises(DataError, match=r"lie\.npz"):
+        read_npz(stream.getvalue(), "lie.npz")
+
+
+def test_zip_bomb_is_refused():
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for index in range(52):
+            archive.writestr(f"a{index}.npy", bytes(10 * 2**20))
+    with pytest.raises(DataError, match="unpacks to 520 MiB"):
+        read_npz(stream.getvalue(), "bomb.npz")
 
 
 def test_pickled_arrays_are_not_read(tmp_path):
