@@ -91,6 +91,10 @@ class SACConfig(Settings):
     updates: float = Field(1.0, ge=0, description="Gradient steps a vector step; fractions accumulate.")
     warmup: int = Field(2_000, ge=0, description="Transitions collected before the first gradient step.")
     gamma: float = Field(0.95, gt=0, le=1)
+    return_steps: PositiveInt = Field(
+        1,
+        description="Steps whose rewards are summed before a critic's value takes over; actions as they were taken.",
+    )
     tau: float = Field(0.005, gt=0, le=1)
     learning_rate: PositiveFloat = 3e-4
     entropy_learning_rate: PositiveFloat = 1e-3

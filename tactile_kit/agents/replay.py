@@ -25,13 +25,18 @@ GoalSampler = Callable[[np.random.Generator, int], NDArray[np.floating]]
 
 @dataclass(frozen=True)
 class Batch:
-    """Sampled transitions, torch float32: observations ``(B, D)``, actions ``(B, A)``, rewards, terminated ``(B,)``."""
+    """Sampled transitions, torch float32: observations ``(B, D)``, actions ``(B, A)``, the rest ``(B,)``.
+
+    A transition is of up to n steps: ``rewards`` are summed and discounted, ``next_observations`` and ``terminated``
+    are the last step's, ``discounts`` what the value there is to be weighted with.
+    """
 
     observations: torch.Tensor
     actions: torch.Tensor
     next_observations: torch.Tensor
     rewards: torch.Tensor
     terminated: torch.Tensor
+    discounts: torch.Tensor
 
 
 def joined(first: Batch, second: Batch) -> Batch:
@@ -67,6 +72,8 @@ class GoalReplay(BaseBuffer):
             orientations reached 1..``future_steps`` steps later in the same episode.
         rotation_weight, rotation_clip: lambda_theta and theta_clip (rad) of the reward.
         sample_goals: ``(rng, n) -> (n, 3, 3)``; uniform on SO(3) by default.
+        steps: n of the n-step returns, over the actions as they were taken.
+        gamma: discount.
     """
 
     def __init__(
@@ -86,6 +93,8 @@ class GoalReplay(BaseBuffer):
         rotation_weight: float = 1.0,
         rotation_clip: float = 0.1,
         sample_goals: GoalSampler = rotations.random_rotations,
+        steps: int = 1,
+        gamma: float = 0.95,
     ) -> None:
         super().__init__(buffer_size, observation_space, action_space, device, n_envs=n_envs)
         if optimize_memory_usage:
@@ -101,6 +110,7 @@ class GoalReplay(BaseBuffer):
         self.goal, self.rng, self.sample_goals = goal, rng, sample_goals
         self.random_goals, self.future_goals, self.future_steps = random_goals, future_goals, future_steps
         self.rotation_weight, self.rotation_clip = rotation_weight, rotation_clip
+        self.steps, self.gamma = steps, gamma
         size = self.obs_shape[0]
         self.observations = np.zeros((rows, n_envs, size), np.float32)
         self.next_observations = np.zeros((rows, n_envs, size), np.float32)
@@ -182,43 +192,63 @@ class GoalReplay(BaseBuffer):
         index = self.rng.integers(0, stored, batch_size)  # row-major over (rows, E): rows fill in order
         row, column = np.divmod(index, self.n_envs)
         random_count = round(batch_size * self.random_goals)
-        future_count = round(batch_size * self.future_goals)
-        at = torch.from_numpy(index)
-        observations = self._flat(self.observations).index_select(0, at)
-        next_observations = self._flat(self.next_observations).index_select(0, at)
-        rewards = self.rotation_rewards[row, column]
-        changed = random_count + future_count
-        if changed:
-            head = slice(0, changed)
-            goals = np.empty((changed, 3, 3), np.float32)
-            goals[:random_count] = self.sample_goals(self.rng, random_count)
-            goals[random_count:] = self._later(row[random_count:changed], column[random_count:changed])
-            stack = self.rotations[row[head], column[head]]
-            rewards[head] = rotation_reward(
-                stack[:, TRUE_BEFORE], stack[:, TRUE_AFTER], goals, self.rotation_weight, self.rotation_clip
-            )
-            observations[head, self.goal] = torch.from_numpy(goal_term(goals, stack[:, BELIEF_BEFORE]))
-            next_observations[head, self.goal] = torch.from_numpy(goal_term(goals, stack[:, BELIEF_AFTER]))
-        rewards += self.other_rewards[row, column]
+        changed = random_count + round(batch_size * self.future_goals)
+        goals = np.empty((changed, 3, 3), np.float32)
+        goals[:random_count] = self.sample_goals(self.rng, random_count)
+        goals[random_count:] = self._later(row[random_count:changed], column[random_count:changed])
+        rewards, count = self._returns(row, column, goals)
+        end = (row + count - 1) % self.rows
+        observations = self._rows(self.observations, row, column)
+        next_observations = self._rows(self.next_observations, end, column)
+        for seen, at, which in ((observations, row, BELIEF_BEFORE), (next_observations, end, BELIEF_AFTER)):
+            belief = self.rotations[at[:changed], column[:changed], which]
+            seen[:changed, self.goal] = torch.from_numpy(goal_term(goals, belief))
         return Batch(
             observations,
-            self._flat(self.actions).index_select(0, at),
+            self._rows(self.actions, row, column),
             next_observations,
             torch.from_numpy(rewards),
-            torch.from_numpy(self.terminated[row, column]),
+            torch.from_numpy(self.terminated[end, column]),
+            torch.from_numpy(self.gamma ** count.astype(np.float32)),
         )
+
+    def _returns(self, row, column, goals):
+        """Discounted sums of rewards over up to ``steps`` steps and how many these are, ``(B,)`` each.
+
+        The first ``len(goals)`` transitions are rewarded for those goals, the others as they were.
+        """
+        count = np.minimum(self._ahead(row, column), self.steps)
+        total, changed = np.zeros(len(row), np.float32), len(goals)
+        for step in range(self.steps):
+            on = np.flatnonzero(count > step)
+            if not len(on):
+                break
+            at, env = (row[on] + step) % self.rows, column[on]
+            reward = self.rotation_rewards[at, env]
+            split = int(np.searchsorted(on, changed))
+            if split:
+                stack = self.rotations[at[:split], env[:split]]
+                reward[:split] = rotation_reward(
+                    stack[:, TRUE_BEFORE], stack[:, TRUE_AFTER], goals[on[:split]],
+                    self.rotation_weight, self.rotation_clip,
+                )  # fmt: skip
+            total[on] += self.gamma**step * (reward + self.other_rewards[at, env])
+        return total, count
+
+    def _ahead(self, row, column):
+        """Steps from a row to the last one stored of its episode, itself counted."""
+        return self._last_time[self.episodes[row, column] % self.rows, column] - self.times[row] + 1
 
     def _later(self, row, column):
         """True orientations reached 1..future_steps steps later in the same episode, ``(n, 3, 3)``."""
-        now = self.times[row]
-        last = self._last_time[self.episodes[row, column] % self.rows, column]
-        reach = np.minimum(last - now + 1, self.future_steps)
+        reach = np.minimum(self._ahead(row, column), self.future_steps)
         ahead = self.rng.integers(0, reach)  # 0: the orientation right after this step
         return self.rotations[(row + ahead) % self.rows, column, TRUE_AFTER]
 
-    @staticmethod
-    def _flat(array) -> torch.Tensor:
-        return torch.from_numpy(array).flatten(0, 1)
+    def _rows(self, array, row, column) -> torch.Tensor:
+        """Entries of ``array (rows, E, ...)`` as a tensor of their own."""
+        at = torch.from_numpy(row * self.n_envs + column)
+        return torch.from_numpy(array).flatten(0, 1).index_select(0, at)
 
     def _get_samples(self, batch_inds, env=None):  # SB3's abstract hook; sample() does all of it
         raise NotImplementedError("use sample()")

@@ -71,6 +71,8 @@ class SAC(stable_baselines3.SAC):
             "random_goals": config.random_goals,
             "future_goals": config.future_goals,
             "future_steps": config.future_steps,
+            "steps": config.return_steps,
+            "gamma": config.gamma,
             **reward_of(env),
         }
         policy: dict[str, Any] = {
@@ -192,7 +194,7 @@ class SAC(stable_baselines3.SAC):
                     value = (
                         target.embed(target.features.embed(following), action).amin(0) - temperature * density
                     )
-                    wanted = batch.rewards + (1.0 - batch.terminated) * config.gamma * value
+                    wanted = batch.rewards + (1.0 - batch.terminated) * batch.discounts * value
                 values = critic.embed(critic.features.embed(now), batch.actions)
                 critic_loss = 0.5 * (values - wanted).square().mean(1).sum()
             self.critic.optimizer.zero_grad()

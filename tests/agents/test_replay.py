@@ -10,7 +10,7 @@ from tactile_kit.agents.replay import BELIEF_AFTER, BELIEF_BEFORE, TRUE_AFTER, G
 from tactile_kit.task import rotations
 
 
-def filled(steps: int, capacity: int = 4000, envs: int = 8, **settings) -> tuple[GoalReplay, ToyEnv, list]:
+def filled(added: int, capacity: int = 4000, envs: int = 8, **settings) -> tuple[GoalReplay, ToyEnv, list]:
     env = ToyEnv(envs, seed=3, horizon=12, belief_error=0.3, drop=0.05)
     memory = GoalReplay(
         capacity,
@@ -23,7 +23,7 @@ def filled(steps: int, capacity: int = 4000, envs: int = 8, **settings) -> tuple
     )
     rng = np.random.default_rng(1)
     observations, log = env.reset(), []
-    for _ in range(steps):
+    for _ in range(added):
         actions = rng.uniform(-1, 1, (envs, ACTIONS)).astype(np.float32)
         following, rewards, _, _ = env.step(actions)
         memory.add(observations, actions, env.transition)
@@ -166,3 +166,43 @@ def test_bad_settings_and_states_are_refused() -> None:
     )  # fmt: skip
     with pytest.raises(ValueError, match="empty"):
         fresh.sample(4)
+
+
+def test_returns_of_several_steps_are_summed_within_the_episode() -> None:
+    """Step by step from the log: rewards as given where the goal stays, and never across an episode's end."""
+    memory, _, log = filled(60, random_goals=0.0, future_goals=0.0, steps=4, gamma=0.9)
+    batch = memory.sample(300)
+    rows, columns = match(memory, batch.actions.numpy())
+    lengths = []
+    for i, (row, column) in enumerate(zip(rows, columns, strict=True)):
+        total, weight, length = 0.0, 1.0, 0
+        for later in range(row, min(row + 4, len(log))):
+            total, weight, length = total + weight * log[later][3][column], weight * 0.9, length + 1
+            if memory.done[later, column]:
+                break
+        lengths.append(length)
+        end = row + length - 1
+        assert batch.rewards[i] == pytest.approx(total, abs=1e-5)
+        assert batch.discounts[i] == pytest.approx(weight, rel=1e-5)
+        assert batch.terminated[i] == log[end][2].terminated[column]
+        np.testing.assert_array_equal(batch.next_observations[i], log[end][2].next_observation[column])
+    assert {1, 2, 3, 4} == set(lengths)
+
+
+def test_returns_of_several_steps_are_for_the_new_goal() -> None:
+    memory, _, _ = filled(60, random_goals=1.0, future_goals=0.0, steps=3, gamma=0.9)
+    goals = rotations.random_rotations(np.random.default_rng(5), 200).astype(np.float32)
+    memory.sample_goals = lambda rng, n: goals[:n]
+    batch = memory.sample(200)
+    rows, columns = match(memory, batch.actions.numpy())
+    for i, (row, column) in enumerate(zip(rows, columns, strict=True)):
+        count = round(np.log(float(batch.discounts[i])) / np.log(0.9))
+        total = 0.0
+        for step in range(count):
+            before, after = (
+                memory.rotations[row + step, column, 0],
+                memory.rotations[row + step, column, TRUE_AFTER],
+            )
+            gained = float(rotations.geodesic(before, goals[i]) - rotations.geodesic(after, goals[i]))
+            total += 0.9**step * (min(gained, 0.1) + memory.other_rewards[row + step, column])
+        assert batch.rewards[i] == pytest.approx(total, abs=1e-4)
