@@ -21,6 +21,7 @@ from timing import Holding, cpu_seconds
 
 from tactile_kit.hand.kinematics import FIRM_GRASP
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator
+from tactile_kit.simulation.world import LOADS_A_SCENE
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
 from tactile_kit.task.vec_env import ReorientVecEnv
@@ -131,11 +132,13 @@ def _resets(count: int, every: int, pipe: Any) -> None:
     variants = len(core.variants)
     action = np.zeros(12)
     sizes = []
-    for number in range(count + variants):  # first every body once: its shape stays for good
+    # first every body once, whose shape stays, and one fresh scene, before which memory grows a little
+    before = max(variants, LOADS_A_SCENE + 100)
+    for number in range(before + count + 1):
         simulator.reset(number % variants, number, 9.81)
         for _ in range(3):
             simulator.step(action)
-        if number >= variants - 1 and (number - variants + 1) % every == 0:
+        if number >= before and (number - before) % every == 0:
             sizes.append(resident())
     pipe.send((variants, sizes))
 

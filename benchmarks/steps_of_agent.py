@@ -87,7 +87,7 @@ def main() -> None:
 
     options = arguments(__doc__ or "", add)
     if options.quick:
-        options.goals, options.rates = 1, options.rates[:2]
+        options.goals, options.rates = 3, options.rates[:2]
     agent = load_agent(options.agent)
     rows = []
     for steps_per_second in options.rates:

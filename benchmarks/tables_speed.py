@@ -25,6 +25,9 @@ NAMES = {
 }
 
 
+BUSY = "**no verdict: other work kept the cores busy**"
+
+
 def significant(value: float | None) -> str:
     """Two digits below ten, else whole numbers."""
     if value is None:
@@ -79,14 +82,17 @@ def vector(record: Record) -> list[str]:
     workers, memory = record["workers"], record["memory"]
     long, resets = record["memory_over_resets"], record["resets"]
     rates = workers["steps_per_second"]
+    # Counting loops hinder each other only by what else runs; and nothing real can scale better than they do.
+    busy = workers["ceiling"] < 1.5 or workers["share_of_ceiling"] > 1.05
     return [
         "| | measured | wanted |",
         "|---|---|---|",
         f"| control steps a second, one worker and two | {rates['1']:,.0f} and {rates['2']:,.0f} | |",
-        f"| two workers over one | {workers['two_over_one']:.2f} | 1.9: {verdict(workers['two_over_one'] >= 1.9)} |",
+        f"| two workers over one | {workers['two_over_one']:.2f} | 1.9: "
+        f"{BUSY if busy else verdict(workers['two_over_one'] >= 1.9)} |",
         f"| counting loops in two processes over one (the machine's ceiling) | {workers['ceiling']:.2f} | |",
         f"| two workers, share of that ceiling | {workers['share_of_ceiling']:.2f} | 0.95: "
-        f"{verdict(workers['share_of_ceiling'] >= 0.95)} |",
+        f"{BUSY if busy else verdict(workers['share_of_ceiling'] >= 0.95)} |",
         f"| memory of a worker with one environment | {memory['first_mb']:.0f} MB | |",
         f"| memory of each further environment | {memory['each_further_mb']:.0f} MB | stated |",
         f"| growth over {long['resets']:,} resets among {long['bodies']} bodies | {long['growth_mb']:.1f} MB "
