@@ -75,6 +75,7 @@ class Simulator:
         self.fault: str | None = None
         self.start: tuple[int, int, float] = (0, 0, 0.0)  # variant, seed and gravity of the episode
         self.actions: list[NDArray] = []  # of the episode
+        self._interval: dict[str, int] = {}  # number of the present interval of each term drawn now and then
         self._every = {name: t.interval for name, t in preset.terms.items() if t.interval is not None}
 
     def reset(self, variant: int, seed: int, gravity: float) -> None:
@@ -88,7 +89,7 @@ class Simulator:
         world.load(self.bodies[variant], self.physics)
         world.place(grasp)
         self._target = grasp.command.copy()
-        self.elapsed, self.fault = 0, None
+        self.elapsed, self.fault, self._interval = 0, None, {}
         self.initial_position = world.position.copy()
 
     def step(self, action: NDArray) -> Status:
@@ -147,10 +148,12 @@ class Simulator:
         )
 
     def _disturb(self, time: float) -> None:
-        if not self._intervals:
-            return
         # 0.3 / 0.1 is a hair less than 3
-        values = {name: rows[int(time / self._every[name] + 1e-9)] for name, rows in self._intervals.items()}
+        interval = {name: int(time / self._every[name] + 1e-9) for name in self._intervals}
+        if interval == self._interval:
+            return
+        self._interval = interval
+        values = {name: self._intervals[name][at] for name, at in interval.items()}
         self.world.disturb(values.get("force", np.zeros(3)), values.get("torque", np.zeros(3)))
 
     def read(self, z: NDArray, x: NDArray, R: NDArray, q: NDArray) -> None:
