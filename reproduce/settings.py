@@ -84,7 +84,11 @@ def evaluation_grasps(
 
 def grasp_item(config: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """(name, task settings) of the grasps a run needs. Runs with the same objects and physics share them."""
-    keys = ("objects", "scaling", "variants", "variant_seed", "extent_range", "grasps", "simulation")
-    task = {key: config["task"][key] for key in keys if key in config["task"]}
+    keys = (
+        "objects", "scaling", "variants", "variant_seed", "extent_range", "grasps", "grasp_spread", "simulation",
+    )  # fmt: skip
+    training = {name: value for name, value in config.get("episodes", {}).items() if value is not None}
+    settings = {**config["task"], **training}
+    task = {key: settings[key] for key in keys if key in settings}
     digest = hashlib.blake2s(json.dumps(task, sort_keys=True).encode()).hexdigest()[:8]
     return f"{str(task['objects']).replace(',', '+')}-{task['scaling']}-{digest}", task

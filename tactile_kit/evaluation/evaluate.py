@@ -13,6 +13,8 @@ from tactile_kit.evaluation.errors import EvaluationError
 from tactile_kit.evaluation.rows import SUCCESS_ANGLE, EpisodeRow
 
 HORIZON = 100  # actions of 0.1 s: T = 10 s
+# Physics steps a second: the finest that a whole `make reproduce` affords; docs/physics.md has finer ones beside it.
+STEPS_PER_SECOND = 120
 GRASPS = 8  # initial grasps a body; episodes draw among them
 NUM_ENVS = 16
 EXTENT_RANGE = (0.045, 0.09)  # m; paper, Fig. 4
@@ -30,6 +32,7 @@ def evaluate(
     sizes: int = 1,
     goals_per_case: int = GOALS,
     randomization: str = "default",
+    steps_per_second: int = STEPS_PER_SECOND,
     num_envs: int = NUM_ENVS,
     num_workers: int = 1,
     name: str | None = None,
@@ -52,6 +55,7 @@ def evaluate(
         sizes: how many random sizes an object; 1 where scaling is nominal.
         goals_per_case: how many of the 24 goals each body and mesh is given.
         randomization: preset of domain randomisation.
+        steps_per_second: of the physics, a multiple of 60, whatever the agent was trained with.
         num_envs, num_workers: how the work is spread over environments and processes.
         name: what the rows call the agent; its directory's name by default.
         progress: called with (episodes done, episodes in all) now and then.
@@ -86,6 +90,7 @@ def evaluate(
         sizes,
         goals=goals,
         randomization=randomization,
+        steps_per_second=steps_per_second,
     )
     variants = prepare(task)
     bodies = _bodies(variants)
@@ -139,9 +144,10 @@ def evaluation_task(
     *,
     goals: str = "octahedral",
     randomization: str = "default",
+    steps_per_second: int = STEPS_PER_SECOND,
 ) -> Any:
-    """The ``TaskConfig`` an agent trained under ``trained`` is evaluated under: its inputs, actions and physics;
-    all else is the same for every agent."""
+    """The ``TaskConfig`` an agent trained under ``trained`` is evaluated under: its inputs, actions and hand; all else
+    is the same for every agent."""
     changes = {
         "objects": objects,
         "scaling": scaling,
@@ -154,6 +160,9 @@ def evaluation_task(
         "horizon": HORIZON,
         "success_angle": SUCCESS_ANGLE,
         "grasps": GRASPS,
+        "grasp_spread": 0.0,
+        "goal_every": 0,
+        "simulation": {**trained.simulation.model_dump(), "steps_per_second": steps_per_second},
     }
     try:
         return type(trained)(**{**trained.model_dump(), **changes})

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 import object_sets
 import randomization
 from object_sets import Object
+from tactile_kit.simulation.config import MEASUREMENT_RATE
 from tactile_kit.simulation.grasps import GraspBank, GraspError, grasps_of
 from tactile_kit.task.config import TaskConfig
 
@@ -50,7 +51,8 @@ class Variants:
 
 
 def _bank(thing: Object, config: TaskConfig) -> GraspBank:
-    return grasps_of([thing], config.grasps, config.simulation, spread=config.grasp_spread)
+    coarse = config.simulation.model_copy(update={"steps_per_second": MEASUREMENT_RATE})
+    return grasps_of([thing], config.grasps, coarse, spread=config.grasp_spread)
 
 
 def _random_size(thing: Object, config: TaskConfig, number: int, attempt: int) -> Object:

@@ -11,7 +11,7 @@ from object_sets import UnknownObjectError
 from randomization import STANDARD_GRAVITY
 from tactile_kit.agents.agent import load_agent
 from tactile_kit.evaluation import EvaluationError, evaluate, read_rows, success_rate
-from tactile_kit.evaluation.evaluate import evaluation_task
+from tactile_kit.evaluation.evaluate import STEPS_PER_SECOND, evaluation_task
 from tactile_kit.runs import RunConfig, train
 
 pytestmark = pytest.mark.slow
@@ -68,11 +68,13 @@ def test_all_agents_are_evaluated_alike(agent):
     assert agent.task.gravity == 5.0 and agent.task.randomization == "none"  # what it was trained under
     assert (task.gravity, task.randomization) == (STANDARD_GRAVITY, "default")
     assert (task.horizon, task.goals, task.success_angle) == (100, "octahedral", 0.4)
-    assert (task.encoding, task.action, task.simulation) == (
-        agent.task.encoding,
-        agent.task.action,
-        agent.task.simulation,
-    )
+    assert (task.encoding, task.action) == (agent.task.encoding, agent.task.action)
+    assert (task.grasp_spread, task.goal_every) == (0.0, 0)
+    finer = agent.task.simulation.model_copy(update={"steps_per_second": STEPS_PER_SECOND})
+    assert task.simulation == finer and finer != agent.task.simulation
+    assert evaluation_task(agent.task, "paper", 0, steps_per_second=240).simulation.steps_per_second == 240
+    with pytest.raises(EvaluationError, match=r"100.*multiples of 60"):
+        evaluation_task(agent.task, "paper", 0, steps_per_second=100)
 
 
 def test_random_sizes_told_right_and_median(agent):
