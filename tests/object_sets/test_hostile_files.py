@@ -17,6 +17,22 @@ from object_sets import ImportConfig, Limits, MeshError, read_mesh
 from object_sets.reading import Readers
 
 SMALL = Limits(memory=1.5, timeout=60.0)
+SHARED: list[Readers] = []
+
+
+@pytest.fixture(scope="module", autouse=True)
+def shared():
+    """One set of worker processes for the whole file; that they outlive every case is part of the test."""
+    with Readers() as readers:
+        SHARED.append(readers)
+        yield
+        SHARED.clear()
+
+
+def read(path, limits=SMALL):
+    return SHARED[0].read(path, ImportConfig(), limits)
+
+
 MODEL = (
     '<?xml version="1.0" encoding="UTF-8"?>{doctype}<model unit="meter" '
     'xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"><resources>{objects}</resources>'
@@ -65,7 +81,7 @@ def write_gltf(path, uri, count=3):
 def refused(path, defect, limits=SMALL):
     start = time.monotonic()
     with pytest.raises(MeshError, match=defect) as caught:
-        read_mesh(path, limits=limits)
+        read(path, limits)
     assert time.monotonic() - start < limits.timeout + 15
     assert str(path) == caught.value.file and caught.value.remedy
     return caught.value
@@ -129,14 +145,14 @@ def test_bodies_are_never_lost(tmp_path):
         objects += f'<object id="{level}" type="model"><components>{inner}</components></object>'
     path = write_3mf(tmp_path / "grid.3mf", objects, top="3")
     try:
-        assert np.ptp(read_mesh(path, limits=SMALL).vertices, axis=0)[:2] == pytest.approx([0.11, 0.11])
+        assert np.ptp(read(path).vertices, axis=0)[:2] == pytest.approx([0.11, 0.11])
     except MeshError as error:
         assert "holds 16 bodies, of which" in error.defect
 
 
 def test_good_3mf_passes(tmp_path):
     """The files above are bad for the reason they are refused for, not for their frame."""
-    mesh = read_mesh(write_3mf(tmp_path / "good.3mf", tetrahedron_xml()), limits=SMALL)
+    mesh = read(write_3mf(tmp_path / "good.3mf", tetrahedron_xml()))
     assert mesh.repairs == () and np.allclose(np.ptp(mesh.vertices, axis=0), 0.05)
 
 
@@ -154,7 +170,7 @@ def test_gltf_with_its_buffer_beside_it(tmp_path):
     mesh = trimesh.creation.box((0.05, 0.05, 0.05))
     for name, data in trimesh.Scene(mesh).export(file_type="gltf").items():
         (tmp_path / name).write_bytes(data)
-    assert read_mesh(tmp_path / "model.gltf", limits=SMALL).repairs == ()
+    assert read(tmp_path / "model.gltf").repairs == ()
     next(tmp_path.glob("*.bin")).unlink()
     refused(tmp_path / "model.gltf", "which is missing")
 
@@ -170,7 +186,7 @@ def test_materials_are_never_read(tmp_path):
     for name in ("pipe.mtl", "../../../etc/passwd", "/dev/zero"):
         text = trimesh.creation.box((0.05, 0.05, 0.05)).export(file_type="obj")
         (tmp_path / "named.obj").write_text(f"mtllib {name}\nusemtl a\n{text}")
-        assert len(read_mesh(tmp_path / "named.obj", limits=SMALL).faces) == 12
+        assert len(read(tmp_path / "named.obj").faces) == 12
 
 
 @pytest.mark.parametrize(
@@ -243,7 +259,7 @@ def test_five_million_triangles(tmp_path):
     data["corners"] = points[faces]
     (tmp_path / "torus.stl").write_bytes(bytes(80) + struct.pack("<I", len(faces)) + data.tobytes())
     try:
-        mesh = read_mesh(tmp_path / "torus.stl", limits=Limits(8.0, 150.0))
+        mesh = read(tmp_path / "torus.stl", Limits(8.0, 150.0))
         assert len(mesh.faces) <= 4000 and any("simplified 5120000" in repair for repair in mesh.repairs)
     except MeshError as error:
         assert error.defect.startswith("takes longer than 150 s")
@@ -280,13 +296,13 @@ def test_a_batch_survives_all_of_them(tmp_path, monkeypatch):
 def test_no_process_is_left(tmp_path):
     """Neither after a good file nor after one that was stopped in the middle."""
     trimesh.creation.box((0.05, 0.06, 0.07)).export(tmp_path / "box.stl")
+    before = set(psutil.Process().children(recursive=True))
     with Readers() as readers:
         with pytest.raises(MeshError, match="takes longer"):
             readers.read(soup(tmp_path / "soup.stl", 1_000_000), ImportConfig(), Limits(4.0, 0.5))
         assert len(readers.read(tmp_path / "box.stl", ImportConfig(), SMALL).faces) == 12
-        mine = psutil.Process().children(recursive=True)
-        assert len(mine) == 1  # one worker served both
-    assert not psutil.Process().children(recursive=True)
+        assert len(set(psutil.Process().children(recursive=True)) - before) == 1  # one worker served both
+    assert not set(psutil.Process().children(recursive=True)) - before
 
 
 @pytest.mark.parametrize("settings", [{"memory": 0.1}, {"timeout": 0.0}, {"memory": float("nan")}])
