@@ -110,7 +110,9 @@ def work(
     pipe: Any, blueprint: Blueprint, memory: dict[str, Any], environments: int, members: range, stack: str
 ) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when to stop
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    # Schedulers send SIGTERM to every process of a job, and the parent may still need steps to reach its checkpoint.
+    told: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, frame: told.append(number))
     where = open(stack, "wb", buffering=0)  # noqa: SIM115  # must stay open for the signal's handler
     faulthandler.register(signal.SIGUSR1, file=where)  # asked for when this worker hangs
     parent = os.getppid()
@@ -119,7 +121,7 @@ def work(
         pipe.send(("ready", None))
         while True:
             while not pipe.poll(5.0):
-                if os.getppid() != parent:  # the parent is gone: leave no process behind
+                if told or os.getppid() != parent:  # nobody asks any more: leave no process behind
                     return
             command = pipe.recv_bytes()
             if command == b"close":

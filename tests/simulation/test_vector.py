@@ -48,6 +48,22 @@ def test_there_are_not_more_workers_than_environments(build, workers: int) -> No
         build(0, 0)
 
 
+def test_a_worker_told_to_end_serves_as_long_as_it_is_asked(build) -> None:
+    """Schedulers tell every process of a job; the parent saves its state first."""
+    simulation = build(2, 1, horizon=50)
+    simulation.reset()
+    (process,) = simulation._processes
+    os.kill(process.pid, signal.SIGTERM)
+    for _ in range(3):
+        simulation.step_async()
+        simulation.step_wait()
+    process.join(15.0)
+    assert process.exitcode == 0
+    with pytest.raises(WorkerError, match="died"):
+        simulation.step_async()
+        simulation.step_wait()
+
+
 def test_an_exception_in_a_worker_reaches_the_caller_with_its_traceback(build) -> None:
     before = children()
     simulation = build(2, 2)
