@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from object_sets.errors import MeshError, ObjectSetError
+from object_sets.limits import stop_all_workers
 from object_sets.manifest import MANIFEST_NAME, Entry, Manifest, Refused
 from object_sets.mass import mass_properties
 from object_sets.preparation import Candidate, Prepared, versions
@@ -62,8 +63,9 @@ def assemble(
                     ready.append((outcome.entry, outcome.data))
                 if progress is not None:
                     progress(task.label, done, len(tasks))
-        except BaseException:  # an interrupt shall not wait for all that is still to do
+        except BaseException:  # an interrupt waits neither for what is under way nor for what is to come
             pool.shutdown(wait=False, cancel_futures=True)
+            stop_all_workers()
             raise
     if not ready:
         listing = "\n".join(f"  {r.file}: {r.defect}; remedy: {r.remedy}" for r in refused)

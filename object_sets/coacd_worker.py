@@ -1,8 +1,8 @@
-"""Runs CoACD on one mesh in a process of its own: ``python -m object_sets.coacd_worker IN.npz OUT.npz MEMORY SECONDS``.
+"""Runs CoACD on one mesh in a process of its own, with arguments PARENT IN.npz OUT.npz MEMORY SECONDS.
 
 CoACD and torch each bring an OpenMP runtime, and one process with both can crash. IN holds vertices (V, 3) float64,
 faces (F, 3) int32 and the scalar settings; OUT gets ``count`` and ``part0``, ``part1``, ... as (n, 3) float64.
-Two more arguments bound memory (bytes) and processor time (s).
+MEMORY (bytes) and SECONDS (of the processor) are bounds; without its parent process the worker ends.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ import sys
 from object_sets.limits import limit_this_process
 
 
-def main(source: str, target: str, memory: str, seconds: str) -> None:
+def main(parent: str, source: str, target: str, memory: str, seconds: str) -> None:
     """Read, decompose, write."""
-    limit_this_process(int(memory), float(seconds))
+    limit_this_process(int(memory), float(seconds), int(parent))
     import coacd
     import numpy as np
 

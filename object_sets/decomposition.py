@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from object_sets.errors import DataError, DecompositionError, ObjectSetError
-from object_sets.limits import GIB, Limits, out_of_memory, worker_command, worker_environment
+from object_sets.limits import GIB, Limits, out_of_memory, start_worker, stop_worker
 from object_sets.objects import content_digest
 from object_sets.storage import cache_directory, json_bytes, npz_bytes, read_npz, sha256, write_atomic
 
@@ -154,15 +154,17 @@ def _run(
         }
         source.write_bytes(npz_bytes(inputs))
         bounds = [str(int(config.memory * GIB)), str(config.timeout)]
-        command = [*worker_command("coacd_worker"), str(source), str(target), *bounds]
+        worker = start_worker(
+            "coacd_worker", [str(source), str(target), *bounds],
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+        )  # fmt: skip
         try:
-            ended = subprocess.run(
-                command, env=worker_environment(), capture_output=True, text=True, errors="replace",
-                timeout=config.timeout, check=False, stdin=subprocess.DEVNULL,
-            )  # fmt: skip
-            code, words = ended.returncode, (ended.stderr or ended.stdout).strip()[-400:]
+            words = worker.communicate(timeout=config.timeout)[1].decode(errors="replace").strip()[-400:]
+            code = worker.returncode
         except subprocess.TimeoutExpired:
             code, words = -signal.SIGXCPU, ""
+        finally:
+            stop_worker(worker)
         if code == -signal.SIGXCPU:
             raise DecompositionError(
                 name, f"CoACD took longer than {config.timeout:.3g} s on {len(faces)} faces",

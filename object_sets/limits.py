@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import signal
+import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from object_sets.errors import ObjectSetError
 
 GIB = 2**30
+_running: set[subprocess.Popen[bytes]] = set()
 EXHAUSTED = ("MemoryError", "bad_alloc", "Cannot allocate", "Unable to allocate")  # how libraries say it
 
 
@@ -32,13 +38,41 @@ class Limits:
             raise ObjectSetError(f"timeout = {self.timeout!r}: seconds > 0 are needed")
 
 
-def worker_command(module: str) -> list[str]:
-    """The command that runs ``object_sets.MODULE``; with ``worker_environment``."""
+def start_worker(module: str, arguments: Sequence[str] = (), **pipes: Any) -> subprocess.Popen[bytes]:
+    """Start ``python -m object_sets.MODULE PID ARGUMENTS`` in a process group of its own; end it by ``stop_worker``."""
     # -P: the folder one stands in may be a stranger's, and hold a numpy.py.
-    return [sys.executable, "-P", "-m", f"object_sets.{module}"]
+    command = [sys.executable, "-P", "-m", f"object_sets.{module}", str(os.getpid()), *arguments]
+    worker = subprocess.Popen(command, env=_environment(), process_group=0, **pipes)
+    _running.add(worker)
+    return worker
 
 
-def worker_environment() -> dict[str, str]:
+def stop_worker(worker: subprocess.Popen[bytes]) -> None:
+    """Kill a worker and what it started, unless it has ended; close its pipes."""
+    if worker.poll() is None:
+        os.killpg(worker.pid, signal.SIGKILL)
+    worker.wait()
+    for pipe in (worker.stdin, worker.stdout, worker.stderr):
+        if pipe is not None:
+            pipe.close()
+    _running.discard(worker)
+
+
+def stop_all_workers() -> None:
+    """On an interrupt: whoever waits for a worker sees it end at once."""
+    for worker in list(_running):
+        if worker.poll() is None:
+            os.killpg(worker.pid, signal.SIGKILL)
+
+
+def die_with_parent(parent: int) -> None:
+    """In a worker: be killed when the thread that started it, of process ``parent``, ends, however that comes about."""
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG of Linux
+    if os.getppid() != parent:  # it ended before it could be told
+        os._exit(1)
+
+
+def _environment() -> dict[str, str]:
     """Finds this package wherever it lies, and starts no threads.
 
     With one thread CoACD's tree search depends on its seed alone, and no memory is reserved for idle threads.
@@ -52,10 +86,11 @@ def worker_environment() -> dict[str, str]:
     }
 
 
-def limit_this_process(memory: int, seconds: float) -> None:
-    """In a worker: bound address space (bytes) and processor time (s); leave no core file."""
+def limit_this_process(memory: int, seconds: float, parent: int) -> None:
+    """In a worker of process ``parent``: bound address space (bytes) and processor time (s); leave no core file."""
     import resource
 
+    die_with_parent(parent)
     for kind, bound in (
         (resource.RLIMIT_AS, memory),
         (resource.RLIMIT_CPU, int(seconds) + 2),  # should nobody be left who could stop it

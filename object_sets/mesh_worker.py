@@ -1,4 +1,4 @@
-"""Reads mesh files away from the main process: ``python -m object_sets.mesh_worker``, one request a line on stdin.
+"""Reads mesh files away from the main process: argument PARENT (a process id), one request a line on stdin.
 
 Parsers of seven formats meet files of unknown origin here. Each file is read in a fork of its own, bounded in memory
 and processor time; forks are cheap because everything is imported once, before the first. ``reading.py`` talks to it.
@@ -16,11 +16,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from object_sets.limits import limit_this_process
+from object_sets.limits import die_with_parent, limit_this_process
 
 
 def main() -> None:
     """Serve requests until stdin ends."""
+    die_with_parent(int(sys.argv[1]))
     import manifold3d  # noqa: F401
     import scipy.spatial  # noqa: F401
     import trimesh  # noqa: F401
@@ -29,19 +30,20 @@ def main() -> None:
 
     for line in sys.stdin:
         request = json.loads(line)
+        parent = os.getpid()
         fork = os.fork()
         if fork == 0:
-            os._exit(_child(request))
+            os._exit(_child(request, parent))
         print(fork, flush=True)
         print(os.waitstatus_to_exitcode(os.waitpid(fork, 0)[1]), flush=True)
 
 
-def _child(request: dict[str, Any]) -> int:
+def _child(request: dict[str, Any], parent: int) -> int:
     folder = Path(request["folder"])
     words = os.open(folder / "stderr", os.O_WRONLY | os.O_CREAT, 0o600)
     os.dup2(words, 2)
     try:
-        limit_this_process(request["memory"], request["seconds"])
+        limit_this_process(request["memory"], request["seconds"], parent)
         answer = _read(request, folder)
         (folder / "answer.json").write_text(json.dumps(answer))
         return 0

@@ -15,7 +15,7 @@ from typing import Any
 
 from object_sets.errors import MeshError
 from object_sets.importing import ImportConfig, ImportedMesh
-from object_sets.limits import GIB, Limits, out_of_memory, worker_command, worker_environment
+from object_sets.limits import GIB, Limits, out_of_memory, start_worker, stop_worker
 from object_sets.storage import read_npz
 
 START = 60.0  # s that a worker may take to import its libraries, on top of a file's own time
@@ -36,8 +36,7 @@ class Readers:
 
     def __exit__(self, *_: object) -> None:
         for worker in self._all:
-            worker.kill()
-            worker.communicate()
+            stop_worker(worker)
 
     def read(self, file: str | Path, config: ImportConfig, limits: Limits) -> ImportedMesh:
         """One file; arguments and errors as of ``read_mesh``."""
@@ -70,23 +69,19 @@ class Readers:
             "memory": int(limits.memory * GIB),
             "seconds": limits.timeout,
         }
+        worker = self._worker()
         try:
-            worker = self._idle.get_nowait()
-        except Empty:
-            worker = subprocess.Popen(
-                worker_command("mesh_worker"), env=worker_environment(), stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE, bufsize=0,
-            )  # fmt: skip
-            self._all.append(worker)
-        assert worker.stdin is not None
-        worker.stdin.write(json.dumps(request).encode() + b"\n")
-        fork = self._line(worker, START)
-        if fork is None:
-            raise MeshError(path, f"no process to read it started within {START:g} s", "try again later")
-        code = self._line(worker, limits.timeout)
-        if code is None:
-            os.kill(fork, signal.SIGKILL)
-            self._line(worker, START)
+            assert worker.stdin is not None
+            worker.stdin.write(json.dumps(request).encode() + b"\n")
+            fork = _line(worker, START)
+            if fork is None:
+                raise MeshError(path, f"no process to read it started within {START:g} s", "try again later")
+            code = _line(worker, limits.timeout)
+            if code is None:
+                os.kill(fork, signal.SIGKILL)
+                _line(worker, START)
+        except OSError as error:  # the pipe broke
+            raise MeshError(path, f"the process that reads it ended ({error})", "try again") from error
         self._idle.put(worker)
         if code is None:
             raise MeshError(
@@ -95,16 +90,29 @@ class Readers:
             )  # fmt: skip
         return code
 
-    @staticmethod
-    def _line(worker: subprocess.Popen[bytes], seconds: float) -> int | None:
-        """The number on the worker's next line, or None when the time is over."""
-        assert worker.stdout is not None
-        if not select([worker.stdout], [], [], seconds)[0]:
-            return None
-        line = worker.stdout.readline()
-        if not line:
-            raise RuntimeError(f"the process that reads mesh files ended with code {worker.wait()}")
-        return int(line)
+    def _worker(self) -> subprocess.Popen[bytes]:
+        """One that is idle and alive, else a new one."""
+        while True:
+            try:
+                worker = self._idle.get_nowait()
+            except Empty:
+                break
+            if worker.poll() is None:
+                return worker
+        worker = start_worker("mesh_worker", stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
+        self._all.append(worker)
+        return worker
+
+
+def _line(worker: subprocess.Popen[bytes], seconds: float) -> int | None:
+    """The number on the worker's next line, or None when the time is over. Raises ``OSError`` when it has ended."""
+    assert worker.stdout is not None
+    if not select([worker.stdout], [], [], seconds)[0]:
+        return None
+    line = worker.stdout.readline()
+    if not line:
+        raise BrokenPipeError(f"code {worker.wait()}")
+    return int(line)
 
 
 def read_mesh(

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 if TYPE_CHECKING:
+    from object_sets.importing import ImportConfig
+    from object_sets.limits import Limits
     from object_sets.reading import Readers
 
 from object_sets.commands.common import default_jobs, parse_extent, progress
@@ -45,19 +47,24 @@ class Check:
 
     def run(self) -> int:
         """Check one after the other, print a line each, and count at the end."""
+        from object_sets.importing import ImportConfig
+        from object_sets.limits import Limits, stop_all_workers
         from object_sets.reading import Readers
         from object_sets.storage import json_bytes, write_atomic
 
+        config = ImportConfig(parse_extent(self.extent), self.max_faces)
+        limits = Limits(self.memory, self.timeout)
         files = self._files()
         rows = []
         with Readers() as readers, progress("checking") as report, ThreadPoolExecutor(self.jobs) as pool:
-            futures = [pool.submit(self._row, file, readers) for file in files]
+            futures = [pool.submit(_row, file, config, limits, readers) for file in files]
             try:
                 for done, (file, future) in enumerate(zip(files, futures, strict=True), 1):
                     rows.append(future.result())
                     report(str(file), done, len(files))
-            except BaseException:
+            except BaseException:  # an interrupt waits neither for what is under way nor for what is to come
                 pool.shutdown(wait=False, cancel_futures=True)
+                stop_all_workers()
                 raise
         for row in rows:
             _show(row)
@@ -82,36 +89,31 @@ class Check:
             files += mesh_files(file, self.recursive) if file.is_dir() and not is_set else [file]
         return files
 
-    def _row(self, file: Path, readers: Readers) -> dict[str, Any]:
-        from object_sets.errors import MeshError, ObjectSetError
-        from object_sets.importing import ImportConfig
-        from object_sets.limits import Limits
-        from object_sets.mass import mass_properties
-        from object_sets.verification import verify
 
-        row: dict[str, Any] = {"file": str(file), "outcome": "ok", "repairs": []}
-        try:
-            if file.is_dir() or file.name == "manifest.json":
-                return {**row, "objects": verify(file)}
-            mesh = readers.read(
-                file,
-                ImportConfig(parse_extent(self.extent), self.max_faces),
-                Limits(self.memory, self.timeout),
-            )
-        except MeshError as error:
-            return {**row, "outcome": "refused", "defect": error.defect, "remedy": error.remedy}
-        except ObjectSetError as error:
-            return {**row, "outcome": "refused", "defect": str(error), "remedy": "build the set again"}
-        extents = mesh.vertices.max(axis=0) - mesh.vertices.min(axis=0)
-        return {
-            **row,
-            # A scale that was asked for is no repair.
-            "outcome": "repaired" if any(not r.startswith("scaled by") for r in mesh.repairs) else "ok",
-            "repairs": list(mesh.repairs),
-            "extents": [float(f"{side:.6g}") for side in extents],
-            "volume": float(f"{mass_properties(mesh.vertices, mesh.faces).volume:.6g}"),
-            "faces": len(mesh.faces),
-        }
+def _row(file: Path, config: ImportConfig, limits: Limits, readers: Readers) -> dict[str, Any]:
+    from object_sets.errors import MeshError, ObjectSetError
+    from object_sets.mass import mass_properties
+    from object_sets.verification import verify
+
+    row: dict[str, Any] = {"file": str(file), "outcome": "ok", "repairs": []}
+    try:
+        if file.is_dir() or file.name == "manifest.json":
+            return {**row, "objects": verify(file)}
+        mesh = readers.read(file, config, limits)
+    except MeshError as error:
+        return {**row, "outcome": "refused", "defect": error.defect, "remedy": error.remedy}
+    except ObjectSetError as error:
+        return {**row, "outcome": "refused", "defect": str(error), "remedy": "build the set again"}
+    extents = mesh.vertices.max(axis=0) - mesh.vertices.min(axis=0)
+    return {
+        **row,
+        # A scale that was asked for is no repair.
+        "outcome": "repaired" if any(not r.startswith("scaled by") for r in mesh.repairs) else "ok",
+        "repairs": list(mesh.repairs),
+        "extents": [float(f"{side:.6g}") for side in extents],
+        "volume": float(f"{mass_properties(mesh.vertices, mesh.faces).volume:.6g}"),
+        "faces": len(mesh.faces),
+    }
 
 
 def _show(row: dict[str, Any]) -> None:

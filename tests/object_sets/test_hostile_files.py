@@ -3,7 +3,10 @@
 import base64
 import json
 import os
+import signal
 import struct
+import subprocess
+import sys
 import time
 import zipfile
 
@@ -303,6 +306,32 @@ def test_no_process_is_left(tmp_path):
         assert len(readers.read(tmp_path / "box.stl", ImportConfig(), SMALL).faces) == 12
         assert len(set(psutil.Process().children(recursive=True)) - before) == 1  # one worker served both
     assert not set(psutil.Process().children(recursive=True)) - before
+
+
+@pytest.mark.parametrize(("send", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)])
+def test_an_interrupt_leaves_no_process(tmp_path, send, code):
+    """In the middle of CoACD, by the keyboard or by force: whatever the command started ends with it."""
+    folder = tmp_path / "meshes"
+    folder.mkdir()
+    thing = object_sets.load("all")["elephant"]
+    trimesh.Trimesh(thing.vertices, thing.faces, process=False).export(folder / "elephant.stl")
+    command = [sys.executable, "-m", "object_sets.cli", "build", "--meshes", str(folder)]
+    settings = ["--coacd-threshold", "0.01", "--out", str(tmp_path / "set"), "--jobs", "1"]
+    environment = {**os.environ, "TACTILE_KIT_CACHE": str(tmp_path / "cache")}
+    build = subprocess.Popen([*command, *settings], env=environment, stderr=subprocess.PIPE, text=True)
+    started: list[psutil.Process] = []
+    deadline = time.monotonic() + 120.0
+    while not any("coacd_worker" in " ".join(p.cmdline()) for p in started) and time.monotonic() < deadline:
+        time.sleep(0.2)
+        started = psutil.Process(build.pid).children(recursive=True)
+    assert len(started) == 2  # the reader and CoACD
+    build.send_signal(send)
+    _, errors = build.communicate(timeout=30.0)
+    assert build.returncode == code
+    if send == signal.SIGINT:
+        assert "interrupted" in errors.splitlines()[-1] and "Traceback" not in errors
+    assert not psutil.wait_procs(started, timeout=10.0)[1]
+    assert not (tmp_path / "set").exists()
 
 
 @pytest.mark.parametrize("settings", [{"memory": 0.1}, {"timeout": 0.0}, {"memory": float("nan")}])
