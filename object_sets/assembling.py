@@ -87,7 +87,7 @@ def _outcome(task: Task) -> Prepared | Refused:
     try:
         return task.work()
     except MeshError as error:
-        log.warning("refused %s", error)
+        log.info("refused %s", error)  # the manifest names it
         return Refused(file=task.label, defect=error.defect, remedy=error.remedy)
     except Exception as error:  # one object must never stop the others, whatever is wrong with it
         log.exception("failed at %s", task.label)

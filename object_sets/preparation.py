@@ -17,6 +17,7 @@ from object_sets.objects import Object
 from object_sets.quality import part_errors
 from object_sets.storage import npz_bytes, sha256
 
+MAX_DIFFERENCE = 1.0  # of the volume: parts that miss or add as much as the solid itself are refused
 MAX_HAUSDORFF = 0.15  # of the largest extent: parts farther off than this are refused
 
 
@@ -68,6 +69,12 @@ def prepare(candidate: Candidate, config: DecompositionConfig) -> Prepared:
         raise MeshError(
             candidate.name,
             f"its {len(parts)} convex parts are up to {1000 * errors.hausdorff:.1f} mm off the surface",
+            f"lower the CoACD threshold ({config.threshold}) or allow more parts",
+        )
+    if errors.symmetric_difference > MAX_DIFFERENCE:
+        raise MeshError(
+            candidate.name,
+            f"its {len(parts)} convex parts differ from it by {100 * errors.symmetric_difference:.0f} % of its volume",
             f"lower the CoACD threshold ({config.threshold}) or allow more parts",
         )
     arrays = {"vertices": item.vertices, "faces": item.faces}

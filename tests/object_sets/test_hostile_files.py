@@ -265,7 +265,7 @@ def test_five_million_triangles(tmp_path):
         mesh = read(tmp_path / "torus.stl", Limits(8.0, 150.0))
         assert len(mesh.faces) <= 4000 and any("simplified 5120000" in repair for repair in mesh.repairs)
     except MeshError as error:
-        assert error.defect.startswith("takes longer than 150 s")
+        assert error.defect.startswith(("takes longer than 150 s", "has 5120000 faces"))
     refused(soup(tmp_path / "soup.stl", 5_000_000), "is open|more than|takes longer", Limits(4.0, 100.0))
 
 

@@ -7,6 +7,7 @@ import trimesh
 import object_sets
 from object_sets import MeshError, ObjectSetError
 from object_sets.cli import main
+from object_sets.csg import box, to_manifold, to_mesh
 from object_sets.importing import ImportConfig, import_mesh
 from object_sets.mass import mass_properties
 
@@ -315,3 +316,20 @@ def test_nothing_usable_is_an_error(tmp_path):
     _open().export(tmp_path / "broken.stl")
     with pytest.raises(ObjectSetError, match=r"(?s)no object could be made.*broken\.stl"):
         object_sets.build(tmp_path / "out", meshes=tmp_path)
+
+
+def bowl():
+    """A thin shell with a wide opening: one convex part would fill it."""
+    outer = trimesh.creation.icosphere(subdivisions=3, radius=0.04)
+    solid = to_manifold(outer.vertices, outer.faces)
+    shell = solid - solid.scale((0.93, 0.93, 0.93)) - box((0.1, 0.1, 0.1), (0, 0, 0.07))
+    vertices, faces = to_mesh(shell)
+    return trimesh.Trimesh(vertices, faces, process=False)
+
+
+def test_parts_that_do_not_stand_for_the_mesh_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setenv("TACTILE_KIT_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "meshes").mkdir()
+    bowl().export(tmp_path / "meshes" / "bowl.stl")
+    with pytest.raises(ObjectSetError, match=r"bowl\.stl: its 1 convex parts (are up to|differ from it by)"):
+        object_sets.build(tmp_path / "out", meshes=tmp_path / "meshes", coacd_threshold=1.0, max_parts=1)
