@@ -56,8 +56,8 @@ def test_a_second_call_reads_what_the_first_found(things, bank, monkeypatch) -> 
 def test_another_content_is_another_search(things, bank, monkeypatch, changed: str) -> None:
     searches = []
 
-    def search(world, thing, count, seed=0):
-        searches.append((thing.digest, count, seed))
+    def search(world, thing, count, seed=0, spread=0.0):
+        searches.append((thing.digest, count, seed, spread))
         return [bank.grasp(0, 0)] * count
 
     monkeypatch.setattr(grasps, "find_grasps", search)
@@ -74,7 +74,7 @@ def test_another_content_is_another_search(things, bank, monkeypatch, changed: s
     else:
         monkeypatch.setattr(grasps.urdf, "ARMATURE", 2e-3)
     grasps_of([thing], count, config, seed)
-    assert searches == [(thing.digest, count, seed)]
+    assert searches == [(thing.digest, count, seed, 0.0)]
     grasps_of([thing], count, config, seed)
     assert len(searches) == 1
 
