@@ -21,6 +21,7 @@ from tactile_kit.simulation.simulator import Status
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
 from tactile_kit.task.goals import EpisodeSpec, training_episodes
+from tactile_kit.task.rotations import geodesic
 
 KEPT = 6  # roll-outs kept of each plan: half of them its best, half of them any
 
@@ -79,8 +80,6 @@ def _kept(rollouts: Sequence[Rollout], generator: np.random.Generator) -> list[R
 
 def _joined(pieces: Sequence[Rollout], spec: EpisodeSpec, thing: Object, origin: NDArray) -> Demonstration:
     states = [state for piece in pieces for state in piece.states]
-    relative = spec.goal.T @ np.stack([state.R for state in pieces[0].states[1:]])
-    cosine = (np.trace(relative, axis1=1, axis2=2) - 1) / 2
     return Demonstration(
         z=np.stack([state.z for state in states]),
         x=np.stack([state.x for state in states]),
@@ -93,7 +92,7 @@ def _joined(pieces: Sequence[Rollout], spec: EpisodeSpec, thing: Object, origin:
         origin=origin,
         object=np.array(thing.name),
         extents=np.asarray(thing.extents),
-        theta=np.arccos(np.clip(cosine, -1.0, 1.0)),
+        theta=geodesic(np.stack([state.R for state in pieces[0].states[1:]]), spec.goal),
     )
 
 

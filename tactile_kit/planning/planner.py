@@ -42,7 +42,7 @@ class PlannerConfig(Settings):
 
 
 def angle_between(first: Array, second: Array) -> float:
-    """Geodesic angle (rad) of two rotations ``(3, 3)``."""
+    """Geodesic angle (rad) of two rotations ``(3, 3)``; for single ones ``rotations.geodesic`` costs too much."""
     return math.acos(min(1.0, max(-1.0, 0.5 * (float(np.vdot(first, second)) - 1.0))))
 
 
@@ -74,8 +74,8 @@ class Planner:
     """Plans for one simulator, in a world of its own with the same object and physics.
 
     Args:
-        simulator: whose episodes are planned for. The planner reads its full state; noise that the episode will meet
-            is unknown to it.
+        simulator: whose episodes are planned for. The planner reads its full state, but does not foresee sticky
+            actions and forces; measurement noise is in what it records and moves nothing.
         config: settings.
         reward: the reward's coefficients (paper, section II-E).
 
