@@ -20,13 +20,6 @@ from tactile_kit.simulation.world import Grasp, World
 AWAY = np.array([0.0, 0.0, 2.0])  # where the object troubles nobody
 
 
-@pytest.fixture(scope="session", autouse=True)
-def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("TACTILE_KIT_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
-
-
 @pytest.fixture(scope="session")
 def things() -> dict[str, Object]:
     return {thing.name: thing for thing in object_sets.load("all")}

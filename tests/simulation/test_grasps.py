@@ -53,7 +53,8 @@ def test_a_second_call_reads_what_the_first_found(things, bank, monkeypatch) -> 
 
 
 @pytest.mark.parametrize("changed", ["size", "count", "seed", "physics", "hand"])
-def test_another_content_is_another_search(things, bank, monkeypatch, changed: str) -> None:
+def test_another_content_is_another_search(things, bank, monkeypatch, tmp_path, changed: str) -> None:
+    monkeypatch.setenv("TACTILE_KIT_CACHE", str(tmp_path))  # what this search finds is not true
     searches = []
 
     def search(world, thing, count, seed=0, spread=0.0):
@@ -61,6 +62,7 @@ def test_another_content_is_another_search(things, bank, monkeypatch, changed: s
         return [bank.grasp(0, 0)] * count
 
     monkeypatch.setattr(grasps, "find_grasps", search)
+    grasps._save(grasps._bank_file(things["cube"], 2, 0, SimulationConfig(), 0.0), [bank.grasp(0, 0)] * 2)
     thing, count, seed, config = things["cube"], 2, 0, SimulationConfig()
     if changed == "size":
         thing = thing.with_extents([0.0675, 0.0675, 0.0674])

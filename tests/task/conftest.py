@@ -13,13 +13,6 @@ from tactile_kit.task.variants import Variants, prepare
 from tactile_kit.task.vec_env import ReorientVecEnv
 
 
-@pytest.fixture(scope="session", autouse=True)
-def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("TACTILE_KIT_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
-
-
 @pytest.fixture(scope="session")
 def task() -> TaskConfig:
     return TaskConfig(objects="cube,l_shape", horizon=5, grasps=2)
