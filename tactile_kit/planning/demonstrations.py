@@ -1,13 +1,13 @@
-"""Planned episodes as demonstrations: what was executed, and the best and some other roll-outs of every plan.
+"""Planned episodes as demonstrations: what was executed, and how every chosen plan went when it was shaken.
 
-One file an episode, so that any number of processes can work on one directory and a killed one loses nothing.
+One file an episode, so that any number of processes can work on one directory and a killed one loses nothing. With an
+agent that acts in between, the planner shows what to do where the agent gets to (Ross et al. 2011).
 """
 
 from __future__ import annotations
 
-import os
-import tempfile
-from collections.abc import Iterable, Sequence
+import io
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -16,14 +16,19 @@ from numpy.typing import NDArray
 
 import randomization
 from object_sets import Object
+from tactile_kit.agents.files import write_atomically
+from tactile_kit.hand.kinematics import JOINTS
 from tactile_kit.planning.planner import Planner, PlannerConfig, Rollout, State
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
 from tactile_kit.task.goals import EpisodeSpec, training_episodes
+from tactile_kit.task.observation import Belief
 from tactile_kit.task.rotations import geodesic
 
-KEPT = 6  # roll-outs kept of each plan: half of them its best, half of them any
+KEPT = 12  # actions of a shaken roll-out; the planner thinks again after the first move
+TURNS = (3, 25)  # control steps that an agent acts for, least and beyond most
+Act = Callable[[NDArray[np.float32]], NDArray]  # observations (1, D) to actions (1, 12)
 
 
 class DemonstrationError(ValueError):
@@ -32,10 +37,10 @@ class DemonstrationError(ValueError):
 
 @dataclass(frozen=True)
 class Demonstration:
-    """One episode and the roll-outs planned on its way, one after the other: pieces of ``length (P,)`` actions.
+    """What the planner did in one episode, and in roll-outs on its way: pieces of ``length (P,)`` actions.
 
     A piece of N actions has N + 1 states. ``z (S, 144)``, ``x (S, 3)``, ``R (S, 3, 3)``, ``q (S, 12)`` over all states,
-    ``actions (A, 12)`` over all actions; ``failed (P,)`` whether a piece ended in a drop; the first piece was executed.
+    ``actions (A, 12)`` over all actions; ``failed (P,)`` whether a piece ended in a drop.
     """
 
     z: NDArray[np.float32]
@@ -49,50 +54,78 @@ class Demonstration:
     origin: NDArray[np.float64]
     object: NDArray[np.str_]  # its name, ()
     extents: NDArray[np.float64]  # (3,) m
-    theta: NDArray[np.float64]  # angle to the goal after every executed action
+    theta: NDArray[np.float64]  # angle to the goal after every action of the episode, (T,)
 
 
-def play(core: Core, planner: Planner, spec: EpisodeSpec, gravity: float) -> Demonstration:
-    """Plan one episode from its start to its end."""
+def play(
+    core: Core,
+    planner: Planner,
+    spec: EpisodeSpec,
+    gravity: float,
+    agent: Act | None = None,
+    share: float = 0.5,
+) -> Demonstration:
+    """Plan one episode from its start to its end; between two moves an ``agent`` takes over
+    for a while in ``share`` of the cases."""
     simulator = planner.simulator
     simulator.reset(spec.variant, spec.seed, gravity)
     planner.start(spec.seed)
     generator = randomization.stream(spec.seed, "demonstration")
     pieces: list[Rollout] = []
-    states, actions, status = [State.of(simulator.world)], [], Status.RUNNING
+    states, actions, theta = [State.of(simulator.world)], list[NDArray](), list[float]()
+    status, left = Status.RUNNING, 0
     while status == Status.RUNNING:
-        action = planner.act(spec.goal)
-        status = simulator.step(action)
-        actions.append(action)
-        states.append(State.of(simulator.world))
-        pieces += _kept(planner.rollouts, generator)
-    executed = Rollout(states, np.array(actions), 0.0, status in (Status.DROP, Status.FAULT))
-    thing = core.variants.objects[spec.variant]
-    return _joined([executed, *pieces], spec, thing, simulator.initial_position)
+        rested = bool(actions) or not theta  # after an agent's turn the planner gets a move at least
+        if left == 0 and rested and agent and planner.gait.done and generator.random() < share:
+            left = int(generator.integers(*TURNS))
+            pieces += _piece(states, actions, False)
+            planner.forget()
+        if left > 0:
+            assert agent is not None
+            left -= 1
+            state = State.of(simulator.world)
+            status = simulator.step(agent(_observation(core, state, spec))[0])
+            states, actions = [State.of(simulator.world)], []
+        else:
+            action = planner.act(spec.goal)
+            status = simulator.step(action)
+            actions.append(action)
+            states.append(State.of(simulator.world))
+            for rollout in planner.rollouts:
+                ends = rollout.failed and len(rollout.actions) <= KEPT
+                pieces += _piece(rollout.states[: KEPT + 1], rollout.actions[:KEPT].tolist(), ends)
+        theta.append(float(geodesic(simulator.world.rotation, spec.goal)))
+    pieces += _piece(states, actions, status in (Status.DROP, Status.FAULT))
+    return _joined(pieces, spec, core.variants.objects[spec.variant], simulator.initial_position, theta)
 
 
-def _kept(rollouts: Sequence[Rollout], generator: np.random.Generator) -> list[Rollout]:
-    order = sorted(range(len(rollouts)), key=lambda index: -rollouts[index].score)
-    best, others = order[: KEPT // 2], order[KEPT // 2 :]
-    chosen = generator.permutation(others)[: KEPT - len(best)].astype(int).tolist()
-    return [rollouts[index] for index in [*best, *chosen] if len(rollouts[index].actions)]
+def _piece(states: list[State], actions: list, failed: bool) -> list[Rollout]:
+    """A piece, or none where nothing was done."""
+    return [Rollout(states, np.array(actions), 0.0, failed)] if actions else []
 
 
-def _joined(pieces: Sequence[Rollout], spec: EpisodeSpec, thing: Object, origin: NDArray) -> Demonstration:
+def _observation(core: Core, state: State, spec: EpisodeSpec) -> NDArray[np.float32]:
+    belief = Belief(state.x[None].astype(np.float32), state.R[None].astype(np.float32))
+    return core.observer(state.z[None], spec.goal[None], belief, np.array([spec.given]))
+
+
+def _joined(
+    pieces: Sequence[Rollout], spec: EpisodeSpec, thing: Object, origin: NDArray, theta: list[float]
+) -> Demonstration:
     states = [state for piece in pieces for state in piece.states]
     return Demonstration(
-        z=np.stack([state.z for state in states]),
-        x=np.stack([state.x for state in states]),
-        R=np.stack([state.R for state in states]),
-        q=np.stack([state.q for state in states]).astype(np.float32),
-        actions=np.concatenate([piece.actions for piece in pieces]).astype(np.float32),
-        length=np.array([len(piece.actions) for piece in pieces]),
-        failed=np.array([piece.failed for piece in pieces]),
+        z=np.array([state.z for state in states], np.float32).reshape(-1, 144),
+        x=np.array([state.x for state in states]).reshape(-1, 3),
+        R=np.array([state.R for state in states]).reshape(-1, 3, 3),
+        q=np.array([state.q for state in states], np.float32).reshape(-1, JOINTS),
+        actions=np.array([row for piece in pieces for row in piece.actions], np.float32).reshape(-1, JOINTS),
+        length=np.array([len(piece.actions) for piece in pieces], np.int64),
+        failed=np.array([piece.failed for piece in pieces], bool),
         goal=spec.goal,
         origin=origin,
         object=np.array(thing.name),
         extents=np.asarray(thing.extents),
-        theta=geodesic(np.stack([state.R for state in pieces[0].states[1:]]), spec.goal),
+        theta=np.array(theta),
     )
 
 
@@ -102,12 +135,23 @@ def collect(
     numbers: Iterable[int],
     seed: int = 0,
     planner: PlannerConfig | None = None,
+    agent: Act | None = None,
+    share: float = 0.5,
 ) -> None:
-    """Plan the episodes ``numbers`` of ``task`` and write ``directory/episode-NNNNN.npz``; those there are kept."""
+    """Plan the episodes ``numbers`` of ``task`` and write ``directory/episode-NNNNN.npz``; those there are kept.
+
+    Args:
+        task: objects, encoding and everything else; without randomisation the planner foresees what happens.
+        directory: made where it is missing.
+        numbers: of the episodes; each follows from its number and ``seed`` alone.
+        planner: settings of the planner.
+        agent: takes over for a while between two moves, in ``share`` of the cases, so that the planner is asked where
+            the agent gets to.
+    """
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
     core = Core(task)
-    guide = Planner(core.blueprint.build(), planner, task.reward)
+    guide = Planner(core.blueprint.build(), planner)
     for number in numbers:
         path = directory / f"episode-{number:05d}.npz"
         if path.exists():
@@ -115,11 +159,12 @@ def collect(
         spec = next(
             training_episodes(task, core.variants, 0, randomization.derive(seed, "demonstrations", number))
         )
-        demonstration = play(core, guide, spec, task.gravity)
-        handle, temporary = tempfile.mkstemp(dir=directory, suffix=".partial")
-        with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **vars(demonstration))
-        os.replace(temporary, path)
+        demonstration = play(core, guide, spec, task.gravity, agent, share)
+        if not len(demonstration.length):
+            continue  # the agent did it all
+        content = io.BytesIO()
+        np.savez_compressed(content, allow_pickle=False, **vars(demonstration))
+        write_atomically(path, content.getvalue())
     guide.close()
 
 

@@ -1,44 +1,50 @@
-"""Predictive sampling in the simulator itself (Howell et al. 2022): a privileged agent that needs no training.
+"""A planner over finger gaits: a privileged agent that needs no training, and the teacher of those that do.
 
-Before every action the planner plays some dozens of action sequences of about a second from the very state the episode
-is in, each a few knots scattered around the last best sequence, and takes the first action of the one with the highest
-reward. Many sequences move one or two fingers only: that is how it finds to let go with one while others hold, which
-noise on all joints does not.
+Predictive sampling (Howell et al. 2022) over moves instead of joint angles: whenever a move ends, dozens of plans of
+two random moves are played in a copy of the simulator from the very state the episode is in. The best are played again
+with the command shaken, so that none is chosen that only just holds, and the first move of the winner is carried out.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PositiveFloat, PositiveInt
+from pydantic import Field, NonNegativeInt, PositiveInt
 
-from tactile_kit.hand.kinematics import DRIVEN, DRIVEN_INDEX, FINGERS, JOINTS, MEAN_GRASP
+from tactile_kit.hand.kinematics import DRIVEN_INDEX, JOINTS, MEAN_GRASP
+from tactile_kit.planning.gait import CENTRE, Gait, Move, random_move
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator, dropped
 from tactile_kit.simulation.world import PhysicsFault, Snapshot, World
-from tactile_kit.task.config import RewardConfig, Settings
+from tactile_kit.task.config import Settings
 
 Array = NDArray[np.float64]
+Plan = tuple[Move, ...]
+
+REST = (Move(rest=True),)
+LOST = 0.07  # m from the centre of the hand: as good as dropped
+NEAR = 0.008  # m from it that cost nothing
 
 
 class PlannerConfig(Settings):
-    """How the planner searches."""
+    """How the planner searches and what it looks for."""
 
-    samples: PositiveInt = Field(
-        40, description="Sequences tried before each action, the last best one among them."
-    )
-    horizon: PositiveInt = Field(10, description="Actions a sequence, 0.1 s each.")
-    knots: PositiveInt = Field(5, description="Knots a sequence; actions between them are interpolated.")
-    spread: PositiveFloat = Field(
-        0.3, description="Standard deviation of the knots, in units of half the joint range."
-    )
-    few_fingers: float = Field(
-        0.6, ge=0, le=1, description="Share of the sequences that move one or two fingers only."
-    )
-    drop: float = Field(3.0, ge=0, description="Price of a drop in a sequence.")
-    angle: float = Field(1.0, ge=0, description="Weight of the whole angle gained over a sequence, 1/rad.")
+    plans: PositiveInt = Field(40, description="Plans tried at the end of every move.")
+    plans_at_goal: PositiveInt = Field(24, description="Plans tried once the goal is reached.")
+    horizon: PositiveInt = Field(22, description="Actions a plan is played for, 0.1 s each.")
+    finalists: PositiveInt = Field(4, description="Plans that are played again with a shaken command.")
+    repeats: NonNegativeInt = Field(2, description="How often each.")
+    shake: float = Field(0.03, ge=0, description="Standard deviation of the shaken command, rad.")
+    reached: float = Field(0.3, ge=0, description="Angle to the goal at which resting is preferred, rad.")
+    midway: float = Field(0.3, ge=0, description="Weight of the angle at half of the horizon.")
+    position: float = Field(6.0, ge=0, description="Price of a metre from the centre of the hand.")
+    posture: float = Field(0.1, ge=0, description="Price of joint angles far from the mean grasp, 1/rad^4.")
+    speed: float = Field(1.5, ge=0, description="Price of the object's final speed, s/m.")
+    drop: float = Field(4.0, ge=0, description="Price of losing the object.")
 
 
 def angle_between(first: Array, second: Array) -> float:
@@ -62,7 +68,7 @@ class State(NamedTuple):
 
 
 class Rollout(NamedTuple):
-    """A sequence played: ``N + 1`` states, actions ``(N, 12)``, its score, whether it ended in a drop or fault."""
+    """A plan played: ``N + 1`` states, actions ``(N, 12)``, its score, whether the object was lost."""
 
     states: list[State]
     actions: Array
@@ -77,93 +83,116 @@ class Planner:
         simulator: whose episodes are planned for. The planner reads its full state, but does not foresee sticky
             actions and forces; measurement noise is in what it records and moves nothing.
         config: settings.
-        reward: the reward's coefficients (paper, section II-E).
 
     Attributes:
-        rollouts: everything played for the last action.
+        rollouts: how the plan chosen for the last action went when it was shaken; empty while a move goes on.
     """
 
-    def __init__(
-        self, simulator: Simulator, config: PlannerConfig | None = None, reward: RewardConfig | None = None
-    ) -> None:
-        self.simulator, self.config, self.reward = (
-            simulator,
-            config or PlannerConfig(),
-            reward or RewardConfig(),
-        )
+    def __init__(self, simulator: Simulator, config: PlannerConfig | None = None) -> None:
+        self.simulator, self.config = simulator, config or PlannerConfig()
         self.world = World(simulator.world.config)
-        config = self.config
-        places = np.linspace(0, config.knots - 1, config.horizon)
-        below = np.minimum(places.astype(int), max(config.knots - 2, 0))
-        part = places - below
-        self._mix = np.zeros((config.horizon, config.knots))
-        self._mix[np.arange(config.horizon), below] = 1 - part
-        if config.knots > 1:
-            self._mix[np.arange(config.horizon), below + 1] += part
 
     def start(self, seed: int) -> None:
         """Begin an episode: the simulator has just been reset. Everything random comes from ``seed``."""
         real = self.simulator.world
         self.rng = np.random.default_rng(seed)
         self.world.load(real.body, real.physics)
-        self.origin = self.simulator.initial_position
-        action = (real.command - MIDDLE) / FULL_RANGE
-        self.best = np.tile(action, (self.config.horizon, 1))
+        self.gait = Gait(real.config.filter_time_constant)
+        self.rollouts: list[Rollout] = []
+        self._next: Plan = ()
 
     def act(self, goal: Array) -> Array:
         """The next action ``(12,)`` in [-1, 1] towards the goal orientation ``(3, 3)``."""
-        moment = self.simulator.world.snapshot()
-        candidates = self._candidates()
-        self.rollouts = [self.roll_out(moment, sequence, goal) for sequence in candidates]
-        self.best = candidates[int(np.argmax([rollout.score for rollout in self.rollouts]))]
-        action = self.best[0].copy()
-        self.best = np.concatenate([self.best[1:], self.best[-1:]])
-        return action
+        self.rollouts = []
+        if self.gait.done:
+            move, *left = self._choose(goal)
+            self.gait.begin(move)
+            self._next = tuple(left)
+        return self.gait.action(self.simulator.world, goal)
 
-    def _candidates(self) -> Array:
-        """The last best sequence and variations of it, ``(samples, horizon, 12)``."""
-        config, rng = self.config, self.rng
-        noise = rng.normal(0.0, config.spread, (config.samples, config.knots, FINGERS, DRIVEN))
-        few = rng.random(config.samples) < config.few_fingers
-        order = rng.random((config.samples, FINGERS)).argsort(axis=1)
-        moved = np.where(few, rng.integers(1, 3, config.samples), FINGERS)
-        noise *= (order < moved[:, None])[:, None, :, None]
-        noise *= rng.uniform(0.2, 1.0, (config.samples, 1, 1, 1))  # small corrections and large ones
-        noise[0] = 0.0
-        sequences = self.best + np.einsum(
-            "hk,skj->shj", self._mix, noise.reshape(config.samples, config.knots, JOINTS)
-        )
-        return np.clip(sequences, -1.0, 1.0)
+    def forget(self) -> None:
+        """Plan anew at the next action: somebody else has acted in between."""
+        self.gait.begin(Move(rest=True, steps=0))
+        self._next = ()
 
-    def roll_out(self, moment: Snapshot, sequence: Array, goal: Array) -> Rollout:
-        """Play ``sequence (H, 12)`` from ``moment`` in the planner's own world."""
-        world, reward, simulator = self.world, self.reward, self.simulator
+    def _choose(self, goal: Array) -> Plan:
+        config, moment = self.config, self.simulator.world.snapshot()
+        angle = angle_between(moment.rotation, goal)
+        plans = self._plans(angle)
+        preference = np.zeros(len(plans))
+        preference[0] = 0.2 if angle < config.reached else -0.05  # to rest is easy, and leads nowhere
+        scores = preference + [self.play(moment, plan, goal).score for plan in plans]
+        finalists = np.argsort(-scores, kind="stable")[: config.finalists].tolist()
+        again: dict[int, list[Rollout]] = {}
+        for index in finalists:
+            shaken = [
+                replace(moment, command=moment.command + self.rng.normal(0.0, config.shake, JOINTS))
+                for _ in range(config.repeats)
+            ]
+            again[index] = [self.play(other, plans[index], goal, record=True) for other in shaken]
+            scores[index] += sum(rollout.score for rollout in again[index])
+        best = max(finalists, key=lambda index: scores[index])
+        self.rollouts = again[best]
+        return plans[best]
+
+    def _plans(self, angle: float) -> list[Plan]:
+        """Resting, turning on, standing still, what is left of the last plan, and random plans."""
+        horizon = self.config.horizon
+        plans: list[Plan] = [
+            REST * (horizon // 3 + 1),
+            (Move(),),
+            (Move(turn=0.15),),
+            (Move(turn=0.0, steps=horizon),),
+        ]
+        if self._next:
+            plans.append(self._next)
+        count = self.config.plans if angle > 0.2 else self.config.plans_at_goal
+        plans += [(random_move(self.rng), random_move(self.rng)) for _ in range(count - len(plans))]
+        return plans
+
+    def play(self, moment: Snapshot, plan: Sequence[Move], goal: Array, record: bool = False) -> Rollout:
+        """Play ``plan`` from ``moment`` in the planner's own world, and turn on with all fingers when it is over.
+
+        Without ``record`` only the score is kept. A recorded roll-out begins after the first action, where the
+        measurements are those of the moment as it was played.
+        """
+        config, world, simulator = self.config, self.world, self.simulator
         world.restore(moment)
-        states = [State.of(simulator.world)]
-        total, before = 0.0, angle_between(world.rotation, goal)
-        first, away = before, float(np.linalg.norm(world.position - self.origin))
-        failed = False
-        for number, action in enumerate(sequence):
+        gait, moves = self.gait.copy(), iter(plan)
+        gait.begin(next(moves))
+        states: list[State] = []
+        actions: list[Array] = []
+        midway = angle = angle_between(world.rotation, goal)
+        for number in range(config.horizon):
+            if gait.done:
+                gait.begin(next(moves, Move()))
+            action = gait.action(world, goal)
             try:
                 world.step(MIDDLE + FULL_RANGE * action, simulator.noise(simulator.elapsed + number))
             except PhysicsFault:
                 world.load(simulator.world.body, simulator.world.physics)
-                failed = True
-                break
-            states.append(State.of(world))
-            theta = angle_between(world.rotation, goal)
-            distance = float(np.linalg.norm(world.position - self.origin))
-            total += reward.rotation * min(before - theta, reward.rotation_clip) - reward.position * (
-                distance - away
-            )
-            total -= reward.posture * float(((world.joints[DRIVEN_INDEX] - MEAN_GRASP) ** 4).sum())
-            before, away = theta, distance
-            if dropped(world.position):
-                failed = True
-                break
-        total += -self.config.drop if failed else self.config.angle * (first - before)
-        return Rollout(states, sequence[: len(states) - 1], total, failed and len(states) > 1)
+                return _rolled(states, actions, -2.0 * config.drop, True)
+            if record:
+                states.append(State.of(world))
+                actions.append(action)
+            if dropped(world.position) or _off(world) > LOST:
+                return _rolled(states, actions, 0.05 * number - config.drop, True)  # later is better
+            angle = angle_between(world.rotation, goal)
+            if number == config.horizon // 2:
+                midway = angle
+        velocity, _ = world.bullet.getBaseVelocity(world.object)
+        score = -angle - config.midway * midway - config.position * max(0.0, _off(world) - NEAR)
+        score -= config.posture * float(((world.joints[DRIVEN_INDEX] - MEAN_GRASP) ** 4).sum())
+        return _rolled(states, actions, score - config.speed * math.hypot(*velocity), False)
 
     def close(self) -> None:
         """Disconnect the planner's own world."""
         self.world.close()
+
+
+def _off(world: World) -> float:
+    return float(np.linalg.norm(world.position - CENTRE))
+
+
+def _rolled(states: list[State], actions: list[Array], score: float, failed: bool) -> Rollout:
+    return Rollout(states, np.array(actions[1:]).reshape(-1, JOINTS), score, failed)

@@ -1,4 +1,4 @@
-"""Demonstrations as replay memory for a learner: the same transitions, seen through the learner's own observation."""
+"""Demonstrations as a learner would have seen them: as replay memory (SAC), as examples to imitate (PPO)."""
 
 from __future__ import annotations
 
@@ -25,15 +25,39 @@ def replay_of(env: Any, directory: Path | str, **settings: Any) -> GoalReplay:
     Raises:
         DemonstrationError: there are none, or one is of an object or size that ``env`` doesn't have.
     """
-    paths = sorted(Path(directory).glob("*.npz"))
-    if not paths:
-        raise DemonstrationError(f"{directory}: no demonstrations (*.npz)")
+    paths = _files(directory)
     parts = [_transitions(env, path, load(path)) for path in paths]
     arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     arrays["episodes"] = np.concatenate([[0], np.cumsum(arrays["done"])[:-1]])
     replay = GoalReplay(len(arrays["done"]), env.observation_space, env.action_space, n_envs=1, **settings)
     replay.fill(arrays)
     return replay
+
+
+def examples_of(env: Any, directory: Path | str) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Observations ``(N, D)`` and the planner's actions ``(N, 12)``, of pieces that did not fail.
+
+    Args and errors as for :func:`replay_of`.
+    """
+    observations, actions = [], []
+    for path in _files(directory):
+        shown = load(path)
+        variant = _variant(env, path, shown)
+        good = np.repeat(~shown.failed, shown.length)
+        last = np.cumsum(shown.length + 1) - 1
+        states = np.setdiff1d(np.arange(len(shown.z)), last)[good]
+        goal = np.broadcast_to(shown.goal, (len(states), 3, 3))
+        belief = Belief(shown.x[states].astype(np.float32), shown.R[states].astype(np.float32))
+        observations.append(env.core.observer(shown.z[states], goal, belief, np.full(len(states), variant)))
+        actions.append(shown.actions[good])
+    return np.concatenate(observations), np.concatenate(actions)
+
+
+def _files(directory: Path | str) -> list[Path]:
+    paths = sorted(Path(directory).glob("*.npz"))
+    if not paths:
+        raise DemonstrationError(f"{directory}: no demonstrations (*.npz)")
+    return paths
 
 
 def _transitions(env: Any, path: Path, shown: Demonstration) -> dict[str, NDArray]:

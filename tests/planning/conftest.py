@@ -24,7 +24,7 @@ def core(task: TaskConfig, own_cache: None) -> Core:
 
 @pytest.fixture(scope="session")
 def small() -> PlannerConfig:
-    return PlannerConfig(samples=8, horizon=5, knots=3)
+    return PlannerConfig(plans=8, plans_at_goal=6, horizon=6, finalists=2, repeats=2)
 
 
 @pytest.fixture(scope="session")

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import torch
 from stable_baselines3.common.callbacks import CallbackList
 
-from tactile_kit.agents.config import SACConfig
+from tactile_kit.agents.config import PPOConfig, SACConfig
+from tactile_kit.agents.ppo import PPO
 from tactile_kit.agents.sac import SAC
-from tactile_kit.planning.demonstrations import DemonstrationError, collect, load
-from tactile_kit.planning.teaching import replay_of
+from tactile_kit.hand.kinematics import FIRM_GRASP
+from tactile_kit.planning import Planner
+from tactile_kit.planning.demonstrations import DemonstrationError, collect, load, play
+from tactile_kit.planning.teaching import examples_of, replay_of
+from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE
+from tactile_kit.task.goals import training_episodes
 from tactile_kit.task.observation import Belief
 from tactile_kit.task.rotations import geodesic
 from tactile_kit.task.vec_env import ReorientVecEnv
@@ -28,14 +34,33 @@ def learner(env) -> SAC:
     return SAC(env, config, seed=0)
 
 
-def test_a_file_holds_the_episode_and_some_of_what_was_planned(demonstrations) -> None:
+def test_a_file_holds_the_episode_and_how_its_plans_went(demonstrations) -> None:
     for path in sorted(demonstrations.iterdir()):
         shown = load(path)
-        executed = int(shown.length[0])
-        assert 1 <= executed <= 8 and len(shown.theta) == executed
-        assert len(shown.length) > executed  # some pieces of every plan
-        assert geodesic(shown.R[executed], shown.goal) == pytest.approx(shown.theta[-1], abs=1e-6)
-        assert str(shown.object) == "cube"
+        assert 1 <= len(shown.theta) <= 8 and str(shown.object) == "cube"
+        executed = len(shown.length) - 1  # the last piece
+        assert shown.length[executed] == len(shown.theta)
+        assert len(shown.length) > 2  # two shaken roll-outs of every plan chosen
+        assert geodesic(shown.R[-1], shown.goal) == pytest.approx(shown.theta[-1], abs=1e-6)
+
+
+def test_an_agent_acts_in_between(core, small) -> None:
+    """It holds; the planner's actions alone are kept."""
+    guide = Planner(core.blueprint.build(), small)
+    seen: list[np.ndarray] = []
+
+    def agent(observations: np.ndarray) -> np.ndarray:
+        seen.append(observations)
+        return np.tile((FIRM_GRASP - MIDDLE) / FULL_RANGE, (1, 1))
+
+    spec = next(training_episodes(core.config, core.variants, 0, 4))
+    guide.simulator.horizon = 30
+    shown = play(core, guide, spec, 9.81, agent, share=1.0)
+    executed = int(shown.length[shown.length != small.horizon - 1].sum())
+    assert len(seen) >= 3 and 0 < executed <= len(shown.theta) - len(seen)
+    assert seen[0].shape == (1, core.layout.size)
+    guide.close()
+    guide.simulator.close()
 
 
 def test_collecting_again_keeps_what_is_there_and_repeats_what_is_not(
@@ -66,6 +91,49 @@ def test_the_replay_shows_what_the_environment_would_have(env, learner, demonstr
     ends = np.cumsum(np.concatenate([one.length for one in shown])) - 1
     np.testing.assert_array_equal(np.flatnonzero(replay.done[:, 0]), ends)
     np.testing.assert_array_equal(replay.terminated[ends, 0], np.concatenate([one.failed for one in shown]))
+
+
+def test_examples_are_what_was_seen_and_done_where_nothing_failed(env, demonstrations) -> None:
+    observations, actions = examples_of(env, demonstrations)
+    shown = [load(path) for path in sorted(demonstrations.iterdir())]
+    assert len(observations) == len(actions) == sum(int(one.length[~one.failed].sum()) for one in shown)
+    first = shown[0]
+    assert not first.failed[0]
+    np.testing.assert_array_equal(actions[: first.length[0]], first.actions[: first.length[0]])
+    belief = Belief(first.x[:1].astype(np.float32), first.R[:1].astype(np.float32))
+    seen = env.core.observer(first.z[:1], first.goal[None], belief, np.zeros(1, int))
+    np.testing.assert_array_equal(observations[:1], seen)
+
+
+def test_ppo_begins_by_imitating_and_goes_on_beside_learning(env, demonstrations) -> None:
+    config = PPOConfig.preset("small").model_copy(
+        update={
+            "rollout": 8,
+            "minibatch": 8,
+            "epochs": 2,
+            "clone_epochs": 150,
+            "clone": 1.0,
+            "critic_steps": 16,
+        }
+    )
+    learner, lines = PPO(env, config, seed=0), []
+    learner.learn_from(*examples_of(env, demonstrations), report=lines.append)
+    distances = [float(line.split(": ")[1].split()[0]) for line in lines]
+    assert len(distances) == 150 and distances[-1] < 0.5 * distances[0]
+    callback = CallbackList([])
+    learner._setup_learn(10**6, callback)
+    before = {name: tensor.clone() for name, tensor in learner.policy.actor.named_parameters()}
+    learner.iterate(callback)  # the critic alone
+    for name, tensor in learner.policy.actor.named_parameters():
+        torch.testing.assert_close(tensor, before[name], rtol=0, atol=1e-5)
+    assert "clone_distance" not in learner.metrics()
+    learner.iterate(callback)
+    assert learner.metrics()["clone_distance"] < 0.5 * distances[0]
+    other = PPO(env, config, seed=0)
+    other.restore(*learner.state())
+    other.learn_from(learner.examples.observations.numpy(), learner.examples.actions.numpy())
+    for mine, its in zip(learner.examples.batch(4), other.examples.batch(4), strict=True):
+        torch.testing.assert_close(mine, its)
 
 
 def test_hindsight_goals_stay_within_a_piece(env, learner, demonstrations) -> None:

@@ -1,0 +1,83 @@
+"""Moves: what they lift, where they turn, when they end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import randomization
+from tactile_kit.planning.gait import LIFTS, Gait, Move, random_move
+from tactile_kit.planning.planner import angle_between
+from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator
+from tactile_kit.task.rotations import exp
+
+
+@pytest.fixture
+def held(core) -> Simulator:
+    simulator = core.blueprint.build()
+    simulator.preset, simulator.horizon = randomization.preset("none"), 100
+    simulator.reset(0, 3, 9.81)
+    yield simulator
+    simulator.close()
+
+
+@pytest.fixture
+def gait(held) -> Gait:
+    return Gait(held.world.config.filter_time_constant)
+
+
+def carry_out(gait: Gait, held: Simulator, move: Move, goal: np.ndarray) -> list[set[int]]:
+    """Fingers that touch the object after each control step of ``move``."""
+    touching, world = [], held.world
+    gait.begin(move)
+    while not gait.done:
+        held.step(gait.action(world, goal))
+        points = [point for point in world.hand.contacts(world.object) if point[9] > 0]  # normal force
+        touching.append({world.hand.fingers.index(point[1]) for point in points})
+    return touching
+
+
+def test_resting_keeps_the_command(gait, held) -> None:
+    gait.begin(Move(rest=True, steps=3))
+    before = held.world.command.copy()
+    action = gait.action(held.world, np.eye(3))
+    np.testing.assert_allclose(MIDDLE + FULL_RANGE * action, before, atol=1e-12)
+
+
+def test_turning_turns_towards_the_goal(gait, held) -> None:
+    goal = exp(np.array([0.0, 0.0, 0.5])) @ held.world.rotation
+    before = angle_between(held.world.rotation, goal)
+    carry_out(gait, held, Move(turn=0.3, steps=10), goal)
+    assert angle_between(held.world.rotation, goal) < before - 0.1
+
+
+@pytest.mark.parametrize("lifted", [(1,), (2,)])
+def test_lifted_fingers_let_go_and_come_back_while_the_others_hold(gait, held, lifted) -> None:
+    touching = carry_out(gait, held, Move(lifted=lifted, steps=5), held.world.rotation)
+    assert all(any(finger not in touch for touch in touching) for finger in lifted)
+    assert 5 <= len(touching) <= 2 * 2 + 6 + 1
+    assert np.linalg.norm(held.world.position) < 0.05
+
+
+def test_a_copy_goes_its_own_way(gait, held) -> None:
+    gait.begin(Move(lifted=(0,)))
+    twin = gait.copy()
+    for _ in range(3):
+        gait.action(held.world, np.eye(3))
+    assert twin.played == 0 and gait.played == 3 and not gait.done
+    first = twin.action(held.world, np.eye(3))
+    np.testing.assert_array_equal(first, gait_action_from_start(held))
+
+
+def gait_action_from_start(held: Simulator) -> np.ndarray:
+    other = Gait(held.world.config.filter_time_constant)
+    other.begin(Move(lifted=(0,)))
+    return other.action(held.world, np.eye(3))
+
+
+def test_random_moves_differ_and_stay_in_range() -> None:
+    generator = np.random.default_rng(0)
+    moves = [random_move(generator) for _ in range(300)]
+    assert {move.lifted for move in moves} == {(), *LIFTS}
+    assert all(0.006 <= move.squeeze <= 0.018 and 0 <= move.back <= 0.8 for move in moves)
+    assert 0.6 < np.mean([bool(move.lifted) for move in moves]) < 0.9
