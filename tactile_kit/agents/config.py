@@ -45,6 +45,17 @@ class PPOConfig(Settings):
         0.0, ge=0, lt=1, description="Correlation of the noise from one action to the next (own choice)."
     )
     bounded_mean: bool = Field(False, description="The mean passes a tanh, as a warm start from SAC needs.")
+    demonstrations: str | None = Field(None, description="Directory of planned episodes to imitate.")
+    clone_epochs: int = Field(0, ge=0, description="Passes over them before the first roll-out.")
+    clone: float = Field(
+        0.0, ge=0, description="Weight of the distance from demonstrated actions in every update, at first."
+    )
+    clone_steps: int = Field(
+        0, ge=0, description="Environment steps over which that weight falls to zero; 0: it stays."
+    )
+    critic_steps: int = Field(
+        0, ge=0, description="Environment steps at the start in which only the critic follows the roll-outs."
+    )
     actor: NetworkConfig = NetworkConfig()
     critic: NetworkConfig = NetworkConfig()
     bfloat16: bool = Field(False, description="Matrix products of the update in bfloat16 (autocast).")

@@ -10,6 +10,7 @@ density of an action is that of the new part alone (Korenkevych et al. 2019), so
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from randomization import derive, stream
 from tactile_kit.agents.config import PPOConfig
+from tactile_kit.agents.imitation import Examples, distance, imitate
 from tactile_kit.agents.networks import InputLayout
 from tactile_kit.agents.policies import HandActorCriticPolicy
 from tactile_kit.agents.state import (
@@ -36,6 +38,7 @@ from tactile_kit.agents.state import (
 )
 
 _HALF_LOG_2PI = 0.918938533204673
+CLONED = 1024  # demonstrated actions beside a minibatch
 
 
 def gaussian_log_density(action, mean, log_std):
@@ -87,6 +90,8 @@ class PPO(stable_baselines3.PPO):
         self.input_layout = layout = InputLayout.of_env(env)
         self.noise = torch.Generator().manual_seed(derive(seed, "learner", "noise"))
         self.order = stream(seed, "learner", "minibatches")
+        self._clone_order = stream(seed, "learner", "examples")
+        self.examples: Examples | None = None
         self.rate = config.learning_rate
         self._means = Means()
         self._new = (
@@ -196,6 +201,7 @@ class PPO(stable_baselines3.PPO):
                 [actor.moments(actor.features.embed(part))[0] for part in inputs.split(2**14)]
             )
         batches = max(len(inputs) // self.batch_size, 1)
+        cloning, leads = self._cloning(), self.num_timesteps > config.critic_steps
         for _ in range(config.epochs):
             for chosen in np.array_split(self.order.permutation(len(inputs)), batches):
                 at = torch.from_numpy(chosen)
@@ -211,7 +217,14 @@ class PPO(stable_baselines3.PPO):
                 policy_loss = -torch.min(advantage * ratio, advantage * clipped).mean()
                 value_loss = (value - returns[at]).square().mean()
                 entropy = (log_std + 0.5 + _HALF_LOG_2PI).sum()
-                loss = policy_loss + config.critic_coefficient * value_loss - config.entropy * entropy
+                loss = config.critic_coefficient * value_loss
+                if leads:
+                    loss = loss + policy_loss - config.entropy * entropy
+                if leads and cloning > 0 and self.examples is not None:
+                    shown, wanted = self.examples.batch(CLONED)
+                    apart = distance(actor, shown, wanted, config.bfloat16)
+                    loss = loss + cloning * apart
+                    self._means.add(clone_distance=apart)
                 optimizer.zero_grad()
                 loss.backward()
                 torch.nn.utils.clip_grad_norm_(parameters, config.max_gradient_norm)
@@ -219,9 +232,10 @@ class PPO(stable_baselines3.PPO):
                     divergence = gaussian_divergence(
                         mean, log_std + narrower, old_means[at], old_log_std + narrower
                     )
-                self.rate = adapted_rate(
-                    self.rate, float(divergence), config.kl_threshold, config.learning_rate_bounds
-                )
+                if leads:
+                    self.rate = adapted_rate(
+                        self.rate, float(divergence), config.kl_threshold, config.learning_rate_bounds
+                    )
                 for group in optimizer.param_groups:
                     group["lr"] = self.rate
                 optimizer.step()
@@ -233,6 +247,22 @@ class PPO(stable_baselines3.PPO):
         explained = 1.0 - (returns - _flat(buffer.values)).var() / returns.var().clamp_min(1e-12)
         self._means.add(explained_variance=explained, sigma=actor.log_std.exp().mean(), value=returns.mean())
         self.policy.norm.update(observations)
+
+    # ---- imitating ---------------------------------------------------------------------------------------------------
+    def learn_from(
+        self, observations: np.ndarray, actions: np.ndarray, report: Callable[[str], None] = lambda line: None
+    ) -> None:
+        """Have demonstrated ``observations (N, D)`` and ``actions (N, A)`` to imitate; a new learner begins with it."""
+        self.examples = Examples(observations, actions, self._clone_order)
+        if self.num_timesteps == 0 and self.config.clone_epochs:
+            imitate(self.policy.actor, self.examples, self.config.clone_epochs, self.config.bfloat16, report)
+
+    def _cloning(self) -> float:
+        """Present weight of the distance from demonstrated actions."""
+        if self.examples is None or self.config.clone == 0:
+            return 0.0
+        left = 1.0 - self.num_timesteps / self.config.clone_steps if self.config.clone_steps else 1.0
+        return self.config.clone * max(left, 0.0)
 
     def metrics(self) -> dict[str, float]:
         """Means since the last call: losses, divergence, sigma, learning rate. Raises FloatingPointError on NaN."""
@@ -255,6 +285,7 @@ class PPO(stable_baselines3.PPO):
             "rate": self.rate,
             "optimizer": rates,
             "order": pack_numpy_generator(self.order),
+            "clone_order": pack_numpy_generator(self._clone_order),
         }
         return tensors, values
 
@@ -266,6 +297,8 @@ class PPO(stable_baselines3.PPO):
         if "wander" in tensors:
             self._wander = tensors["wander"].clone()
         unpack_numpy_generator(self.order, values["order"])
+        if "clone_order" in values:
+            unpack_numpy_generator(self._clone_order, values["clone_order"])
         self.num_timesteps, self._n_updates, self.rate = values["steps"], values["updates"], values["rate"]
         if "observation" in tensors:
             self._last_obs = tensors["observation"].numpy().copy()

@@ -76,8 +76,6 @@ def train(
             env.simulation.faults = directory / "faults"
         try:
             run = Run(config, directory, make_learner(config, env), env)
-            if config.algorithm == "sac" and config.sac.demonstrations:
-                _add_teacher(run, progress)
             if saved is not None:
                 run.restore(saved)
                 if saved.replay is None and config.algorithm == "sac":
@@ -89,6 +87,8 @@ def train(
 
                 run.warm_start = warm_start(run.learner, config.warm_start, config.encoding)
             del saved
+            if getattr(config, config.algorithm).demonstrations:
+                _add_teacher(run, progress)
             metrics = MetricsFile(directory, run.learner.num_timesteps)
             try:
                 _loop(run, metrics, progress)
@@ -102,10 +102,14 @@ def train(
 
 def _add_teacher(run: Run, progress: Progress) -> None:
     from randomization import stream
-    from tactile_kit.planning.teaching import replay_of
+    from tactile_kit.planning.teaching import examples_of, replay_of
 
+    directory = str(getattr(run.config, run.config.algorithm).demonstrations)
+    if run.config.algorithm == "ppo":
+        run.learner.learn_from(*examples_of(run.env, directory), report=progress.say)
+        return
     settings = {**run.learner.replay_settings, "rng": stream(run.config.seed, "learner", "teacher")}
-    teacher = replay_of(run.env, str(run.config.sac.demonstrations), **settings)
+    teacher = replay_of(run.env, directory, **settings)
     run.learner.learn_from(teacher)
     progress.say(f"{len(teacher):,} demonstrated transitions")
 
