@@ -31,6 +31,9 @@ OK, BAD_POSITION, BAD_ROTATION, BAD_MESH = 0, 1, 2, 3
 
 _OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
 _FAST = {**_OPTIONS, "fastmath": True}
+# What forward calls. As functions of their own they would be optimised twice, and fast-math rounds differently each
+# time: the process that compiles would call the first version, and processes that read the cache the second.
+_INSIDE = {**_FAST, "forceinline": True}
 
 
 def _load_lanes(context, builder, kind, array, offset):
@@ -104,7 +107,7 @@ def _check(position, rotation, mesh, meshes):
     return OK if determinant > 0 else BAD_ROTATION
 
 
-@njit(**_FAST)
+@njit(**_INSIDE)
 def _search(rows, start, stop, s):
     """Nearest triangle of rows[start:stop] for each of the K points: squared distance and index (kept as a float)."""
     real = s.dtype.type
@@ -142,7 +145,7 @@ def _search(rows, start, stop, s):
             s[BEST + k] = d2 if d2 < best else best
 
 
-@njit(**_FAST)
+@njit(**_INSIDE)
 def _search_block(blocks, block, x, y, z, s):
     """Squared distances from one point to a block's 16 triangles, as lanes in the scratch; returns the least."""
     zero = s.dtype.type(0)
@@ -172,7 +175,7 @@ def _search_block(blocks, block, x, y, z, s):
     return _least(s, TRIAL)
 
 
-@njit(**_FAST)
+@njit(**_INSIDE)
 def _search_boxes(blocks, bounds, first, last, triangles, s):
     """As _search for a big mesh: per point, only blocks whose box is nearer than the best triangle so far."""
     real = s.dtype.type
@@ -218,7 +221,7 @@ def _search_boxes(blocks, bounds, first, last, triangles, s):
         s[WINNER + k] = real(min(winner, triangles - 1))
 
 
-@njit(**_FAST)
+@njit(**_INSIDE)
 def _finish(rows, normals, start, rotation, s, vectors, unit, save):
     """Closest-point vectors of the winners (hand frame), zero inside; and what the backward pass needs if save."""
     real = s.dtype.type
@@ -293,7 +296,7 @@ def _finish(rows, normals, start, rotation, s, vectors, unit, save):
             unit[k, 3] = free * real(1 - on_face)
 
 
-@njit(**_FAST)
+@njit(**_INSIDE)
 def _localise(points, position, rotation, s):
     """Basis points in the object's frame, q = R^T (p - x), as three rows of lanes."""
     x, y, z = position[0], position[1], position[2]
