@@ -53,7 +53,7 @@ def train(
     """
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
-    with locked(directory):
+    with locked(directory), _torch_left_alone():
         settle(directory, "agent.json")
         saved, messages = checkpoints.newest(directory / "checkpoints")
         if saved is not None:
@@ -98,6 +98,17 @@ def train(
             progress.close()
             env.close()
     return directory
+
+
+@contextmanager
+def _torch_left_alone() -> Iterator[None]:
+    """Threads and precision are the process's: afterwards, all else rounds as it would have without this training."""
+    threads, precision = torch.get_num_threads(), torch.get_float32_matmul_precision()
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
+        torch.set_float32_matmul_precision(precision)
 
 
 def _add_teacher(run: Run, progress: Progress) -> None:

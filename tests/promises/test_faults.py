@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 import torch
 from promise_cases import settings
 
@@ -43,14 +42,6 @@ def failing(config: RunConfig) -> Any:
         estimator=config.estimator,
         ecrl=config.ecrl,
     )
-
-
-@pytest.fixture(autouse=True)
-def restore_threads():
-    threads, precision = torch.get_num_threads(), torch.get_float32_matmul_precision()
-    yield
-    torch.set_num_threads(threads)
-    torch.set_float32_matmul_precision(precision)
 
 
 def test_faults_in_a_training(tmp_path: Path) -> None:

@@ -31,14 +31,6 @@ def environment(workers: int) -> Callable[[RunConfig], Any]:
     return make
 
 
-@pytest.fixture(autouse=True)
-def restore_threads():
-    threads, precision = torch.get_num_threads(), torch.get_float32_matmul_precision()
-    yield
-    torch.set_num_threads(threads)
-    torch.set_float32_matmul_precision(precision)
-
-
 def groups(saved: checkpoints.Checkpoint) -> set[str]:
     """What kinds of state a checkpoint holds."""
     return {"/".join(name.split("/")[:2]).split(".")[0] for name in saved.tensors}

@@ -34,14 +34,6 @@ from tactile_kit.runs.directory import locked
 SCRIPT = Path(__file__).parent / "toy_run.py"
 
 
-@pytest.fixture(autouse=True)
-def restore_threads():
-    threads, precision = torch.get_num_threads(), torch.get_float32_matmul_precision()
-    yield
-    torch.set_num_threads(threads)
-    torch.set_float32_matmul_precision(precision)
-
-
 def run(directory: Path, algorithm: str, steps: int, **changes) -> Path:
     return train(settings(algorithm, steps, **changes), directory, make_env=toy, quiet=True)
 
@@ -62,6 +54,30 @@ def assert_same(a: checkpoints.Checkpoint, b: checkpoints.Checkpoint) -> None:
     assert (mine is None) == (other is None)
     for name, array in (mine or {}).items():
         np.testing.assert_array_equal(array, other[name], err_msg=name)
+
+
+def test_a_run_leaves_torch_as_it_was(tmp_path: Path) -> None:
+    """What the process computes afterwards is rounded as before, also when the run failed."""
+
+    def now() -> tuple[int, str]:
+        return torch.get_num_threads(), torch.get_float32_matmul_precision()
+
+    def fail(config: RunConfig) -> ToyEnv:
+        assert now() == (2, "medium")
+        raise OSError("no environment")
+
+    before = now()
+    assert before[1] == "highest"
+    run(tmp_path / "whole", "sac", 64, threads=2, matmul_precision="medium")
+    assert now() == before
+    with pytest.raises(OSError, match="no environment"):
+        train(
+            settings("sac", 64, threads=2, matmul_precision="medium"),
+            tmp_path / "failed",
+            make_env=fail,
+            quiet=True,
+        )
+    assert now() == before
 
 
 @pytest.mark.parametrize("algorithm", ["sac", "ppo"])
