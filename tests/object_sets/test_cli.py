@@ -20,6 +20,17 @@ def test_help_of_every_command():
     assert all(word in done.stdout for word in ("list", "build", "check", "render"))
 
 
+@pytest.mark.parametrize("arguments", [["list"], ["--help"]])
+def test_a_reader_that_has_seen_enough(arguments):
+    """``object-sets list | head``: no traceback, and the exit code of a process that SIGPIPE ended."""
+    command = [sys.executable, "-m", "object_sets.cli", *arguments]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process.stdout.close()
+    with process.stderr:
+        assert process.stderr.read() == ""
+    assert process.wait(timeout=60) == 141
+
+
 def test_list(capsys):
     assert main(["list", "ood"]) == 0
     lines = capsys.readouterr().out.splitlines()
