@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
-from object_sets.commands.common import default_jobs, parse_extent, progress
+from object_sets.commands.common import default_jobs, parse_extent, progress, summary
 
 SetName = Literal["geometric8", "ood", "complex", "paper", "all"]
 
@@ -85,17 +84,3 @@ class Build:
                 progress=report,
             )
         return summary(path)
-
-
-def summary(path: Path) -> int:
-    """Print what a manifest says of repairs and refusals; returns the exit code."""
-    from object_sets.manifest import Manifest
-
-    manifest = Manifest.from_bytes(path.read_bytes(), path)
-    for entry in manifest.objects:
-        for repair in entry.repairs:
-            print(f"repaired {entry.source}: {repair}")
-    print(f"{path}: {len(manifest.objects)} objects, {len(manifest.refused)} refused")
-    for item in manifest.refused:
-        print(f"refused {item.file}: {item.defect}; remedy: {item.remedy}", file=sys.stderr)
-    return 1 if manifest.refused else 0

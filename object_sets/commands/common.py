@@ -1,9 +1,10 @@
-"""What several commands share: ranges written as LOW:HIGH, and progress."""
+"""What several commands share: ranges written as LOW:HIGH, progress, and the last lines of a set that was made."""
 
 from __future__ import annotations
 
 import os
 import sys
+from pathlib import Path
 
 
 def parse_extent(text: str | None) -> tuple[float, float] | None:
@@ -61,3 +62,17 @@ class progress:
 def default_jobs() -> int:
     """As many as there are cores for this process."""
     return len(os.sched_getaffinity(0))
+
+
+def summary(path: Path) -> int:
+    """Print what a manifest says of repairs and refusals; returns the exit code."""
+    from object_sets.manifest import Manifest
+
+    manifest = Manifest.from_bytes(path.read_bytes(), path)
+    for entry in manifest.objects:
+        for repair in entry.repairs:
+            print(f"repaired {entry.source}: {repair}")
+    print(f"{path}: {len(manifest.objects)} objects, {len(manifest.refused)} refused")
+    for item in manifest.refused:
+        print(f"refused {item.file}: {item.defect}; remedy: {item.remedy}", file=sys.stderr)
+    return 1 if manifest.refused else 0

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from object_sets.commands.common import default_jobs, parse_extent, progress
+from object_sets.commands.common import default_jobs, parse_extent, progress, summary
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,6 @@ class Sample:
 
     def run(self) -> int:
         """Draw, then name what could not be made."""
-        from object_sets.commands.build import summary
         from object_sets.errors import ObjectSetError
         from object_sets.sampling import grasp_check, sample
 
