@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial import ConvexHull
 
 from object_sets import Object
+from object_sets.storage import cache_directory, write_atomic
 from tactile_kit.hand.kinematics import FINGERS
 from tactile_kit.hand.urdf import hand_urdf
 from tactile_kit.task.rotations import to_quaternion
@@ -19,19 +18,10 @@ from tactile_kit.task.rotations import to_quaternion
 DEFAULT_MASS = 0.05  # kg
 
 
-def cache_directory() -> Path:
-    """Where prepared files are kept: ``$TACTILE_KIT_CACHE``, by default ``~/.cache/tactile-kit``."""
-    return Path(os.environ.get("TACTILE_KIT_CACHE") or Path.home() / ".cache" / "tactile-kit")
-
-
 def _write_once(path: Path, text: str) -> Path:
     """Write atomically unless the (content-named) file is there already with this text."""
     if not path.exists() or path.read_text(encoding="utf-8") != text:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent)
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.replace(temporary, path)
+        write_atomic(path, text.encode())
     return path
 
 

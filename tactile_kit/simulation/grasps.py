@@ -8,20 +8,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import randomization
 from object_sets import Object
+from object_sets.storage import cache_directory, npz_bytes, write_atomic
 from tactile_kit.hand import kinematics, urdf
-from tactile_kit.simulation.bodies import Body, cache_directory
+from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.world import Grasp, PhysicsFault, World
 from tactile_kit.task.rotations import random_rotations
@@ -164,12 +162,9 @@ def _bank_file(thing: Object, count: int, seed: int, config: SimulationConfig, s
 
 
 def _save(path: Path, grasps: Sequence[Grasp]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    arrays: dict[str, Any] = {n: np.stack([getattr(g, n) for g in grasps]) for n in Grasp.__annotations__}
-    handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".npz")
-    with os.fdopen(handle, "wb") as file:
-        np.savez(file, allow_pickle=False, **arrays)
-    os.replace(temporary, path)
+    write_atomic(
+        path, npz_bytes({n: np.stack([getattr(g, n) for g in grasps]) for n in Grasp.__annotations__})
+    )
 
 
 def grasps_of(
