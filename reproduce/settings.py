@@ -69,7 +69,7 @@ def evaluation_grasps(
     plan: Plan, evaluation: Evaluation, trained: dict[str, Any]
 ) -> tuple[str, dict[str, Any]]:
     """As ``grasp_item``, for an evaluation of an agent trained under the task settings ``trained``."""
-    from tactile_kit.evaluation.evaluate import evaluation_task
+    from tactile_kit.evaluation.schedule import evaluation_task
     from tactile_kit.task.config import TaskConfig
 
     group = evaluation.group

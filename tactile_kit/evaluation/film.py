@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from randomization import derive
 from tactile_kit.evaluation.errors import EvaluationError
-from tactile_kit.evaluation.evaluate import evaluation_task
+from tactile_kit.evaluation.schedule import evaluation_task
 from tactile_kit.task.goals import EpisodeSpec
 from tactile_kit.task.rotations import octahedral
 

@@ -1,0 +1,181 @@
+"""The episodes of an evaluation, whoever plays them: the task, who holds what, goals and seeds; results to rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from randomization import STANDARD_GRAVITY, derive
+from tactile_kit.evaluation.cases import GOALS, Body, Case, Episode, goal_rotation, make_cases, make_episodes
+from tactile_kit.evaluation.errors import EvaluationError
+from tactile_kit.evaluation.rows import SUCCESS_ANGLE, EpisodeRow
+
+HORIZON = 100  # actions of 0.1 s: T = 10 s
+# Physics steps a second: the finest that a whole `make reproduce` affords; docs/physics.md has finer ones beside it.
+STEPS_PER_SECOND = 120
+GRASPS = 8  # initial grasps a body; episodes draw among them
+EXTENT_RANGE = (0.045, 0.09)  # m; paper, Fig. 4
+
+
+class Outcome(Protocol):
+    """How an episode ended. Angles to the goal in rad."""
+
+    @property
+    def theta(self) -> float: ...
+    @property
+    def theta_min(self) -> float: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def drop(self) -> bool: ...
+    @property
+    def fault(self) -> str | None: ...
+    @property
+    def steps(self) -> int: ...
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """All episodes of an evaluation, in the order of ``cases.make_episodes``.
+
+    Attributes:
+        task: the ``TaskConfig`` they are played under.
+        variants: the prepared bodies.
+        bodies, cases, episodes: see ``cases``.
+        specs: what an environment needs to play each episode.
+    """
+
+    task: Any
+    variants: Any
+    bodies: list[Body]
+    cases: list[Case]
+    episodes: list[Episode]
+    specs: list[Any]
+
+    def row(
+        self, number: int, outcome: Outcome, *, agent: str, kind: str, encoding: str, training_seed: int
+    ) -> EpisodeRow:
+        """Episode ``number`` as a row."""
+        episode = self.episodes[number]
+        case = self.cases[episode.case]
+        held, told = self.variants.objects[case.held], self.variants.objects[case.given]
+        fault = (outcome.fault or "").replace("\n", " ")
+        return EpisodeRow(
+            agent=agent,
+            kind=kind,
+            encoding=encoding,
+            training_seed=training_seed,
+            object_id=held.id,
+            object=held.name,
+            size=self.bodies[case.held].size,
+            **_extents("extent", held),
+            given_id=told.id,
+            given=told.name,
+            **_extents("given_extent", told),
+            goal=episode.goal,
+            episode=episode.repeat,
+            seed=episode.seed,
+            theta=None if fault else outcome.theta,
+            theta_min=None if fault else outcome.theta_min,
+            success=outcome.success and not fault,
+            drop=outcome.drop,
+            fault=fault,
+            steps=outcome.steps,
+        )
+
+
+def schedule(
+    trained: Any,
+    objects: str = "paper",
+    *,
+    goals: str = "octahedral",
+    episodes_per_goal: int = 1,
+    seed: int = 0,
+    given: str = "true",
+    scaling: str = "nominal",
+    sizes: int = 1,
+    goals_per_case: int = GOALS,
+    randomization: str = "default",
+    steps_per_second: int = STEPS_PER_SECOND,
+) -> Schedule:
+    """The episodes of an evaluation; arguments and errors as of ``evaluate``, ``trained`` as of ``evaluation_task``."""
+    import object_sets
+    from tactile_kit.task.goals import EpisodeSpec
+    from tactile_kit.task.variants import prepare
+
+    if sizes < 1 or (scaling == "nominal" and sizes != 1):
+        raise EvaluationError(
+            f"sizes = {sizes}; allowed are integers >= 1, and 1 only where scaling is nominal"
+        )
+    if goals not in ("octahedral", "so3"):
+        raise EvaluationError(f"goals = {goals!r}; allowed are 'octahedral' and 'so3'")
+    names = [thing.name for thing in object_sets.select(objects)]
+    lent = "" if given in ("true", "nominal", "each") else given
+    task = evaluation_task(
+        trained,
+        f"{objects},{lent}" if lent else objects,
+        seed,
+        scaling,
+        sizes,
+        goals=goals,
+        randomization=randomization,
+        steps_per_second=steps_per_second,
+    )
+    variants = prepare(task)
+    bodies = _bodies(variants)
+    if lent:
+        (lent,) = (thing.name for thing in object_sets.select(lent))
+    cases = make_cases(
+        bodies, set(names), given=lent or given, goals=goals, goals_per_case=goals_per_case, seed=seed
+    )
+    episodes = make_episodes(bodies, cases, episodes_per_goal, seed)
+    specs = [EpisodeSpec(cases[e.case].held, cases[e.case].given, goal_rotation(e), e.seed) for e in episodes]
+    return Schedule(task, variants, bodies, cases, episodes, specs)
+
+
+def evaluation_task(
+    trained: Any,
+    objects: str,
+    seed: int,
+    scaling: str = "nominal",
+    sizes: int = 1,
+    *,
+    goals: str = "octahedral",
+    randomization: str = "default",
+    steps_per_second: int = STEPS_PER_SECOND,
+) -> Any:
+    """The ``TaskConfig`` an agent trained under ``trained`` is evaluated under: its inputs, actions and hand; all else
+    is the same for every agent."""
+    changes = {
+        "objects": objects,
+        "scaling": scaling,
+        "variants": sizes,
+        "variant_seed": derive(seed, "evaluation", "sizes"),
+        "extent_range": EXTENT_RANGE,
+        "randomization": randomization,
+        "gravity": STANDARD_GRAVITY,
+        "goals": goals,
+        "horizon": HORIZON,
+        "success_angle": SUCCESS_ANGLE,
+        "grasps": GRASPS,
+        "grasp_spread": 0.0,
+        "goal_every": 0,
+        "simulation": {**trained.simulation.model_dump(), "steps_per_second": steps_per_second},
+    }
+    try:
+        return type(trained)(**{**trained.model_dump(), **changes})
+    except ValueError as error:
+        raise EvaluationError(f"the evaluation's task: {' '.join(str(error).split())}") from None
+
+
+def _extents(prefix: str, thing: Any) -> dict[str, Any]:
+    return {f"{prefix}_{axis}": float(extent) for axis, extent in zip("xyz", thing.extents, strict=True)}
+
+
+def _bodies(variants: Any) -> list[Body]:
+    """The environment's variants by object and size: nominal ones first, then random sizes counted from 1."""
+    bodies: list[Body] = []
+    for index, thing in enumerate(variants.objects):
+        size = sum(body.name == thing.name for body in bodies)
+        bodies.append(Body(thing.name, size, bool(variants.playable[index])))
+    return bodies
