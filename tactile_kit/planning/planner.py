@@ -18,6 +18,7 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 
 from tactile_kit.hand.kinematics import DRIVEN_INDEX, JOINTS, MEAN_GRASP
 from tactile_kit.planning.gait import CENTRE, Gait, Move, random_move
+from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator, dropped
 from tactile_kit.simulation.world import PhysicsFault, Snapshot, World
 from tactile_kit.task.config import Settings
@@ -45,6 +46,10 @@ class PlannerConfig(Settings):
     posture: float = Field(0.1, ge=0, description="Price of joint angles far from the mean grasp, 1/rad^4.")
     speed: float = Field(1.5, ge=0, description="Price of the object's final speed, s/m.")
     drop: float = Field(4.0, ge=0, description="Price of losing the object.")
+    steps_per_second: PositiveInt | None = Field(
+        None,
+        description="Physics steps a second of the planner's own world; by default as many as the simulator's.",
+    )
 
 
 def angle_between(first: Array, second: Array) -> float:
@@ -77,7 +82,7 @@ class Rollout(NamedTuple):
 
 
 class Planner:
-    """Plans for one simulator, in a world of its own with the same object and physics.
+    """Plans for one simulator, in a world of its own with the same object and physics (steps may be coarser).
 
     Args:
         simulator: whose episodes are planned for. The planner reads its full state, but does not foresee sticky
@@ -90,7 +95,10 @@ class Planner:
 
     def __init__(self, simulator: Simulator, config: PlannerConfig | None = None) -> None:
         self.simulator, self.config = simulator, config or PlannerConfig()
-        self.world = World(simulator.world.config)
+        physics = simulator.world.config.model_dump()
+        if self.config.steps_per_second is not None:
+            physics["steps_per_second"] = self.config.steps_per_second
+        self.world = World(SimulationConfig(**physics))
 
     def start(self, seed: int) -> None:
         """Begin an episode: the simulator has just been reset. Everything random comes from ``seed``."""
