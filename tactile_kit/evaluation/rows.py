@@ -30,7 +30,7 @@ class EpisodeRow:
     """
 
     agent: str
-    kind: str  # oracle | tactile
+    kind: str  # oracle | tactile | planner
     encoding: str
     training_seed: int
     object_id: int
@@ -104,7 +104,9 @@ def _line(empty: bool = False) -> _Column:
 
 
 _FLAG = _Column({"0": False, "1": True}.__getitem__, "0 or 1")
-_KIND = _Column({"oracle": "oracle", "tactile": "tactile"}.__getitem__, "oracle or tactile")
+_KIND = _Column(
+    {kind: kind for kind in ("oracle", "tactile", "planner")}.__getitem__, "oracle, tactile or planner"
+)
 _EXTENT = _number(1e-3, 0.5)
 _COLUMNS: dict[str, _Column] = {
     "agent": _line(),

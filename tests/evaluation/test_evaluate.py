@@ -11,8 +11,9 @@ from object_sets import UnknownObjectError
 from randomization import STANDARD_GRAVITY
 from tactile_kit.agents.agent import load_agent
 from tactile_kit.evaluation import EvaluationError, evaluate, read_rows, success_rate
-from tactile_kit.evaluation.evaluate import STEPS_PER_SECOND, evaluation_task
+from tactile_kit.evaluation.schedule import STEPS_PER_SECOND, evaluation_task, schedule
 from tactile_kit.runs import RunConfig, train
+from tactile_kit.task.config import TaskConfig
 
 pytestmark = pytest.mark.slow
 
@@ -75,6 +76,12 @@ def test_all_agents_are_evaluated_alike(agent):
     assert evaluation_task(agent.task, "paper", 0, steps_per_second=240).simulation.steps_per_second == 240
     with pytest.raises(EvaluationError, match=r"100.*multiples of 60"):
         evaluation_task(agent.task, "paper", 0, steps_per_second=100)
+
+
+def test_the_planner_meets_the_same_episodes(agent):
+    rows = evaluate(agent, "cube", seed=3, **SMALL)
+    plan = schedule(TaskConfig(encoding="none"), "cube", seed=3, goals_per_case=SMALL["goals_per_case"])
+    assert [(r.goal, r.episode, r.seed) for r in rows] == [(e.goal, e.repeat, e.seed) for e in plan.episodes]
 
 
 def test_random_sizes_told_right_and_median(agent):

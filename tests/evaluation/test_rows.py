@@ -34,7 +34,7 @@ def test_same_rows_same_bytes(tmp_path):
         ("theta", 3.2, "[0, 3.14"),
         ("theta", float("nan"), "[0, 3.14"),
         ("goal", 24, "<= 23"),
-        ("kind", "human", "oracle or tactile"),
+        ("kind", "human", "oracle, tactile or planner"),
         ("extent_y", 0.0, "0.001"),
         ("extent_y", 6.75, "0.5"),
         ("object", "", "non-empty"),
