@@ -146,6 +146,44 @@ def evaluate(
 
 
 @app.command
+def evaluate_planner(
+    out: Annotated[Path, arg(metavar="FILE")],
+    objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "paper",
+    episodes_per_goal: Annotated[int, arg(metavar="K")] = 1,
+    goals_per_case: Annotated[int, arg(metavar="N")] = 24,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+    planner: Annotated[Path | None, arg(metavar="YAML")] = None,
+    num_workers: int = 0,
+) -> int:
+    """Evaluate the planner, which needs no agent, on the same episodes; given again, a killed command goes on.
+
+    Finished objects go to FILE (CSV), their cost in seconds of one core to the JSON beside it. Objects that are in FILE
+    are not played again. The last line on stdout is one JSON object with success_rate, drops and
+    cpu_seconds_per_action of the objects asked for.
+
+    Args:
+        out: The episode file to write or to go on with; Table I reads results/episodes/planner/nominal.csv.
+        objects: Object sets, names or ids, separated by commas.
+        episodes_per_goal: Repeats of each goal on each object.
+        goals_per_case: How many of the 24 goals.
+        seed: Of the evaluation, as in evaluate.
+        planner: Settings of the planner (tactile_kit.planning.PlannerConfig); its defaults by default.
+        num_workers: Processes that plan, an episode each; 0: this one.
+    """
+    from reproduce.planner import evaluate_to
+
+    def tell(done: int, total: int) -> None:
+        print(f"{done} of {total} episodes", file=sys.stderr, flush=True)
+
+    summary = evaluate_to(
+        out, objects, planner=planner, episodes_per_goal=episodes_per_goal, goals_per_case=goals_per_case, seed=seed,
+        num_workers=num_workers, progress=tell,
+    )  # fmt: skip
+    print(json.dumps(summary), flush=True)
+    return 0
+
+
+@app.command
 def film(
     agent: Annotated[Path, arg(metavar="DIR")],
     out: Annotated[Path, arg(metavar="FILE")],

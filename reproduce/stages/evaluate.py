@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from reproduce.errors import ReproduceError
 from reproduce.files import read_yaml, write_atomic
 from reproduce.heartbeat import Heartbeat
+
+if TYPE_CHECKING:
+    from tactile_kit.evaluation.rows import EpisodeRow
 
 
 def run(pipeline: Path, item: str, beat: Heartbeat) -> None:
@@ -23,18 +27,24 @@ def run(pipeline: Path, item: str, beat: Heartbeat) -> None:
 def evaluate_to(agent: Path, out: Path, **settings: Any) -> dict[str, Any]:
     """Evaluates the agent in directory ``agent`` and writes its rows to ``out``; settings as ``tactile_kit.evaluate``.
 
-    Returns a summary: success_rate with its 95 % interval, episodes, drops, faults, mean_final_angle (rad), out.
-    Raises ``ReproduceError`` where there is no agent.
+    Returns ``summary_of`` the rows. Raises ``ReproduceError`` where there is no agent.
     """
     if not (agent / "agent.json").is_file():
         raise ReproduceError(f"{agent}: no agent there (agent.json is missing)")
     import torch
 
-    from tactile_kit.evaluation import evaluate, final_angles, success_rate, write_rows
+    from tactile_kit.evaluation import evaluate, write_rows
 
     torch.set_num_threads(1)
     rows = evaluate(agent, **settings)
     write_rows(out, rows)
+    return summary_of(rows, out)
+
+
+def summary_of(rows: Sequence[EpisodeRow], out: Path) -> dict[str, Any]:
+    """success_rate with its 95 % interval, episodes, drops, faults, mean_final_angle (rad), out."""
+    from tactile_kit.evaluation import final_angles, success_rate
+
     rate = success_rate(rows)
     angles = final_angles(rows)
     return {
