@@ -18,7 +18,8 @@ from reproduce.files import read_json, read_yaml
 from reproduce.plan import Plan
 from tactile_kit.evaluation.rows import EpisodeRow, read_rows
 
-TRANSFER = "transfer"  # episodes of the same agent in another simulator; the pipeline makes none yet
+# Found, not made by the pipeline: episodes of the same agent in another simulator, and the planner's.
+TRANSFER, PLANNER = "transfer", "planner"
 
 ORACLE, TACTILE = "oracle-vec_bps-geometric8", "tactile-vec_bps-geometric8"
 BENCHMARK = (ORACLE, "oracle-pos-geometric8", TACTILE, "tactile-pos-geometric8")
@@ -48,10 +49,11 @@ _ALL = list(dict.fromkeys(pair for pairs in _NOMINAL.values() for pair in pairs)
 # artefact -> (role, evaluation) pairs it reads; roles whose learning curves it reads
 NEEDS: dict[str, tuple[list[tuple[str, str]], tuple[str, ...]]] = {
     **{name: (pairs, ()) for name, pairs in _NOMINAL.items()},
+    "table1": ([*_NOMINAL["table1"], (PLANNER, "nominal")], ()),
     "object_sets": ([], ()),
     "learning": ([], _CURVE_ROLES),
     "claims": (_ALL, _CURVE_ROLES),
-    "report": (_ALL, _CURVE_ROLES),
+    "report": ([*_ALL, (PLANNER, "nominal")], _CURVE_ROLES),
 }
 
 
@@ -67,6 +69,12 @@ def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
         file = plan.out / "episodes" / run.name / f"{TRANSFER}.csv"
         if (run.role, TRANSFER) in pairs and file.is_file():
             episodes[f"{run.name}/{TRANSFER}"] = str(file)
+    planned = plan.out / "episodes" / PLANNER / "nominal.csv"
+    cost = {}
+    if (PLANNER, "nominal") in pairs and planned.is_file():
+        episodes[f"{PLANNER}/nominal"] = str(planned)
+        if planned.with_suffix(".json").is_file():
+            cost = {"cost": str(planned.with_suffix(".json"))}
     return {
         "artefact": artefact,
         "scale": plan.scale.name,
@@ -85,7 +93,20 @@ def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
             if run.role in roles and (run.curves or run.role in {role for role, _ in pairs})
         },
         "episodes": episodes,
+        **cost,
     }
+
+
+def found(content: dict[str, Any]) -> list[str]:
+    """The files of an inventory that are there already, whatever the pipeline makes."""
+    files = [file for name, file in content["episodes"].items() if file and not is_made(name)]
+    return files + ([content["cost"]] if "cost" in content else [])
+
+
+def is_made(episodes: str) -> bool:
+    """Whether the pipeline makes the episode file ``RUN/EVALUATION``."""
+    run, evaluation = episodes.split("/")
+    return run != PLANNER and evaluation != TRANSFER
 
 
 @dataclass(frozen=True)
@@ -117,6 +138,8 @@ class Results:
 
     def run_names(self, role: str) -> list[str]:
         """Runs of that role, whether they are there or not."""
+        if role == PLANNER:
+            return [PLANNER]
         return [name for name, run in self.content["runs"].items() if run["role"] == role]
 
     def rows(self, role: str, evaluation: str) -> list[EpisodeRow] | None:
@@ -141,9 +164,14 @@ class Results:
         return self._episode_files[file]
 
     def manifest(self, name: str) -> dict[str, Any] | None:
-        """A run's agent.json, None where the run isn't there."""
-        file = self.content["runs"][name]["agent"]
+        """A run's agent.json, None where the run isn't there. The planner has none."""
+        file = self.content["runs"][name]["agent"] if name != PLANNER else None
         return None if file is None else read_json(file)
+
+    @property
+    def cost(self) -> dict[str, Any] | None:
+        """What the planner cost (``reproduce.planner``), None where nobody wrote it down."""
+        return read_json(self.content["cost"]) if "cost" in self.content else None
 
     def steps_trained(self, names: Sequence[str]) -> list[int]:
         """Environment steps each of these runs was trained for, those before its warm start included."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from reproduce.files import ROOT, dump_yaml, read_json, shown, write_if_changed
-from reproduce.inventory import NEEDS, TRANSFER, inventory
+from reproduce.inventory import NEEDS, found, inventory, is_made
 from reproduce.plan import ARTEFACTS, Evaluation, Plan
 from reproduce.settings import evaluation_grasps, evaluation_settings, grasp_item, run_settings
 
@@ -91,9 +91,8 @@ def prepare(plan: Plan) -> Path:
 
 
 def _needs(plan: Plan, content: dict[str, Any]) -> dict[str, list[str]]:
-    """What the workflow has to wait for before the artefact: episodes made here, transferred ones, runs."""
-    made = [name for name, file in content["episodes"].items() if file and not name.endswith(f"/{TRANSFER}")]
-    found = [name for name, file in content["episodes"].items() if file and name.endswith(f"/{TRANSFER}")]
+    """What the workflow has to wait for before the artefact: episodes made here, files found, runs."""
+    made = [name for name, file in content["episodes"].items() if file and is_made(name)]
     runs = set()
     for name, run in content["runs"].items():
         files = [run["agent"], run["metrics"]]
@@ -101,7 +100,7 @@ def _needs(plan: Plan, content: dict[str, Any]) -> dict[str, list[str]]:
             runs |= {f"trained/{plan.job_of(name)}.json"} if any(files) else set()
         else:
             runs |= {file for file in files if file}
-    return {"episodes": made, "transfer": found, "runs": sorted(runs)}
+    return {"episodes": made, "found": found(content), "runs": sorted(runs)}
 
 
 def describe(plan: Plan) -> str:

@@ -11,7 +11,7 @@ import pytest
 import object_sets
 import randomization
 from reproduce.files import dump_yaml
-from reproduce.inventory import ABLATED, BENCHMARK, CURVES, ORACLE, TACTILE, Results
+from reproduce.inventory import ABLATED, BENCHMARK, CURVES, ORACLE, PLANNER, TACTILE, Results
 from tactile_kit.evaluation import EpisodeRow, write_rows
 
 ROUND, NON_CONVEX = (5, 12), (0, 6, 7, 10, 11)
@@ -60,6 +60,7 @@ class World:
         self.folder = folder
         self.runs: dict[str, dict] = {}
         self.episodes: dict[str, str | None] = {}
+        self.cost: dict[str, str] = {}
 
     draw = staticmethod(episodes)
 
@@ -91,11 +92,17 @@ class World:
         write_rows(file, rows)
         self.episodes[f"{name}/{evaluation}"] = str(file)
 
+    def planned(self, rows: list[EpisodeRow], cpu_seconds_per_action: float) -> None:
+        file = write_rows(self.folder / "episodes" / PLANNER / "nominal.csv", rows)
+        file.with_suffix(".json").write_text(json.dumps({"cpu_seconds_per_action": cpu_seconds_per_action}))
+        self.episodes[f"{PLANNER}/nominal"] = str(file)
+        self.cost = {"cost": str(file.with_suffix(".json"))}
+
     @property
     def results(self) -> Results:
         content = {
             "artefact": "test", "scale": "test", "description": "Drawn for a test.", "source": "pretrained", "seed": 0,
-            "runs": self.runs, "episodes": self.episodes,
+            "runs": self.runs, "episodes": self.episodes, **self.cost,
         }  # fmt: skip
         file = self.folder / "inventory.yaml"
         file.write_text(dump_yaml(content))

@@ -14,7 +14,14 @@ from reproduce.files import ROOT
 
 @pytest.mark.parametrize(
     "arguments",
-    [["--help"], ["run", "--help"], ["stage", "--help"], ["train", "--help"], ["evaluate", "--help"]],
+    [
+        ["--help"],
+        ["run", "--help"],
+        ["stage", "--help"],
+        ["train", "--help"],
+        ["evaluate", "--help"],
+        ["evaluate-planner", "--help"],
+    ],
 )
 def test_help_needs_nothing_heavy(arguments):
     code = (
@@ -64,7 +71,7 @@ def test_a_stage_runs_by_hand(tmp_path):
         )
         == 0
     )
-    assert (tmp_path / "tables" / "table1.tex").read_text().count("missing") == 12
+    assert (tmp_path / "tables" / "table1.tex").read_text().count("missing") == 15
     assert (
         main(
             [
