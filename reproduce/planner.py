@@ -74,7 +74,7 @@ class Record:
             actions, seconds = sum(row.steps for row, _ in played), sum(cost for _, cost in played)
             self.costs[name] = {
                 "episodes": len(played), "actions": actions, "cpu_seconds": round(seconds, 2),
-                "processor": _processor(),
+                **_provenance(),
             }  # fmt: skip
             self.rows |= {row.seed: row for row, _ in played}
             for row, _ in played:
@@ -185,7 +185,7 @@ def _line(row: EpisodeRow, cpu_seconds: float) -> str:
     return json.dumps({"row": asdict(row), "cpu_seconds": cpu_seconds}) + "\n"
 
 
-def _processor() -> str:
-    from tactile_kit.runs.directory import hardware
+def _provenance() -> dict[str, Any]:
+    from tactile_kit.runs.directory import hardware, revision
 
-    return str(hardware()["processor"])
+    return {"processor": hardware()["processor"], "revision": revision()}

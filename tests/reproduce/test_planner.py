@@ -49,6 +49,7 @@ def test_the_command_writes_rows_and_their_cost(command):
     rows, cost = read_rows(folder / "nominal.csv"), json.loads((folder / "nominal.json").read_text())
     assert [row.object for row in rows] == ["cube"] * 2 and {row.kind for row in rows} == {"planner"}
     assert cost["objects"]["cube"]["episodes"] == 2
+    assert {"processor", "revision"} <= cost["objects"]["cube"].keys()
     assert cost["objects"]["cube"]["actions"] == sum(row.steps for row in rows)
     seconds = cost["objects"]["cube"]["cpu_seconds"]
     assert cost["cpu_seconds_per_action"] == pytest.approx(seconds / sum(row.steps for row in rows), abs=1e-3)
