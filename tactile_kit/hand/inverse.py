@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-
 import numba
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +13,11 @@ Array = NDArray[np.float64]
 ITERATIONS = 12
 LONGEST = 0.3  # rad a joint and iteration
 DAMPING = 1e-5  # m^2, keeps stretched fingers calm
-_LOWER = kinematics.JOINT_LOWER.reshape(kinematics.FINGERS, kinematics.DRIVEN)
-_UPPER = kinematics.JOINT_UPPER.reshape(kinematics.FINGERS, kinematics.DRIVEN)
+LOWER = kinematics.JOINT_LOWER.reshape(kinematics.FINGERS, kinematics.DRIVEN)
+UPPER = kinematics.JOINT_UPPER.reshape(kinematics.FINGERS, kinematics.DRIVEN)
+TIP = float(kinematics.DISTAL.capsule.end)  # m along the distal link
 
 
-@functools.cache
 def _origins() -> Array:
     """Frames of the joints at angle zero ``(4 fingers, 4 joints, 4, 4)``: in the parent's, the first in the world."""
     frames = np.stack([np.stack(kinematics.joint_origins(finger)) for finger in range(kinematics.FINGERS)])
@@ -27,6 +25,9 @@ def _origins() -> Array:
     hand[:3, :3], hand[:3, 3] = kinematics.HAND_ROTATION, kinematics.HAND_POSITION
     frames[:, 0] = hand @ frames[:, 0]
     return frames
+
+
+ORIGINS = _origins()
 
 
 @numba.njit(cache=True)
@@ -50,7 +51,8 @@ def _tip(origins, q, end):
 
 
 @numba.njit(cache=True)
-def _tips(origins, q, end):
+def tips_of(origins, q, end):
+    """Centres ``(4, 3)`` m for angles ``(4, 3)``."""
     centres = np.empty((4, 3))
     for finger in range(4):
         centres[finger] = _tip(origins[finger], q[finger], end)[0]
@@ -58,7 +60,8 @@ def _tips(origins, q, end):
 
 
 @numba.njit(cache=True)
-def _solve(origins, q, targets, lower, upper, end):
+def solve(origins, q, targets, lower, upper, end):
+    """Angles ``(4, 3)`` that bring the tips to ``targets (4, 3)`` m; see :func:`joints_for`."""
     q = q.copy()
     for finger in range(4):
         for _ in range(ITERATIONS):
@@ -76,9 +79,7 @@ def _solve(origins, q, targets, lower, upper, end):
 
 def tips(joints: Array) -> Array:
     """``kinematics.tip_centres``, compiled: ``(4, 3)`` m, world frame, for driven angles ``(12,)`` rad."""
-    return _tips(
-        _origins(), joints.reshape(kinematics.FINGERS, kinematics.DRIVEN), kinematics.DISTAL.capsule.end
-    )
+    return tips_of(ORIGINS, joints.reshape(kinematics.FINGERS, kinematics.DRIVEN), TIP)
 
 
 def joints_for(targets: Array, near: Array) -> Array:
@@ -87,4 +88,4 @@ def joints_for(targets: Array, near: Array) -> Array:
     Damped least squares from ``near (12,)`` rad.
     """
     start = near.reshape(kinematics.FINGERS, kinematics.DRIVEN)
-    return _solve(_origins(), start, targets, _LOWER, _UPPER, kinematics.DISTAL.capsule.end).ravel()
+    return solve(ORIGINS, start, targets, LOWER, UPPER, TIP).ravel()

@@ -76,7 +76,7 @@ def play(
     status, left = Status.RUNNING, 0
     while status == Status.RUNNING:
         rested = bool(actions) or not theta  # after an agent's turn the planner gets a move at least
-        if left == 0 and rested and agent and planner.gait.done and generator.random() < share:
+        if left == 0 and rested and agent and planner.gait.over and generator.random() < share:
             left = int(generator.integers(*TURNS))
             pieces += _piece(states, actions, False)
             planner.forget()

@@ -1,4 +1,4 @@
-"""Finger gaits as moves: what the planner chooses from.
+"""Finger gaits as moves: what the planner and the agents over moves choose from.
 
 A move turns the object a little with all fingers that hold, or lifts one or two opposite fingers, carries them back
 against the turn and closes them again while the others hold. Each is a feedback law on the true state: where every
@@ -7,32 +7,23 @@ fingertip should go, by inverse kinematics, through the inverse of the command f
 
 from __future__ import annotations
 
-import copy
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactile_kit.hand import inverse
-from tactile_kit.hand.kinematics import DRIVEN_INDEX, FINGERS, MEAN_GRASP
+from tactile_kit.hand.kinematics import DRIVEN_INDEX, FINGERS, JOINTS, MEAN_GRASP
+from tactile_kit.planning import laws
 from tactile_kit.simulation.config import CONTROL_RATE
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE
 from tactile_kit.simulation.world import World
-from tactile_kit.task.rotations import exp, log
 
 Array = NDArray[np.float64]
 
-OPPOSITE = (2, 3, 0, 1)  # the finger across the object
 LIFTS = ((0, 2), (1, 3), (0,), (1,), (2,), (3,))  # that leave the object held
-CENTRE = np.array([-0.004, 0.004, 0.006])  # m: between the tips, where all can reach around the object
-CLEARANCE = 0.02  # m a lifted tip keeps from where it touched
-APPROACH = 0.009  # m a control step towards the object
-SOFT = 0.004  # m: squeeze of a finger whose opposite is lifted
-LANDED = 0.002  # m a closing finger's command may lead its tip beyond the squeeze
-PATIENCE = 6  # control steps a finger may close
-RECENTRING = 0.3  # share of the object's distance from the centre taken back in a step
-FARTHEST = 0.01  # m of it
-ARRIVED = 0.08  # rad: no need to turn
+EVERYWHERE, UPRIGHT, LEVEL = (1.0, 1.0, 1.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -58,7 +49,7 @@ class Move:
     back: float = 0.0
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)
     raised: float = 0.006
-    axes: tuple[float, ...] = (1.0, 1.0, 1.0)
+    axes: tuple[float, ...] = EVERYWHERE
     tilt: tuple[float, ...] = (0.0, 0.0, 0.0)
     squeeze: float = 0.012
     pace: int = 2
@@ -70,7 +61,7 @@ def random_move(generator: np.random.Generator) -> Move:
     """A move with everything drawn; three in four lift fingers."""
     choice = int(generator.integers(len(LIFTS) + 2))
     lifted = LIFTS[choice] if choice < len(LIFTS) else ()
-    axes = ((1.0, 1.0, 1.0), (1.0, 1.0, 1.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0))
+    axes = (EVERYWHERE, EVERYWHERE, UPRIGHT, LEVEL)
     strays, tilts = generator.random() < 0.7, generator.random() < 0.25
     return Move(
         lifted=lifted,
@@ -87,101 +78,95 @@ def random_move(generator: np.random.Generator) -> Move:
     )
 
 
-class Gait:
-    """Plays moves, one after the other, on the true state of a world."""
+def library() -> tuple[Move, ...]:
+    """A few dozen moves that do most of what random ones do."""
+    moves = [Move(rest=True), Move(turn=0.15), *(Move(axes=axes) for axes in (EVERYWHERE, UPRIGHT, LEVEL))]
+    for lifted in LIFTS:
+        for back in (0.1, 0.5):
+            for turn in (0.0, 0.3):
+                moves.append(Move(lifted=lifted, turn_lifted=turn, back=back, raised=0.01, steps=5))
+    return tuple(moves)
 
-    def __init__(self, filter_time_constant: float) -> None:
-        self._share = 1.0 - np.exp(-1.0 / (CONTROL_RATE * filter_time_constant))  # of a target, after a step
-        self.home = inverse.tips(MEAN_GRASP)
-        self.begin(Move(rest=True, steps=0))
 
-    def begin(self, move: Move) -> None:
-        """Start ``move``."""
-        self.move, self.played = move, 0
-        self._stage = [0 if finger in move.lifted else -1 for finger in range(FINGERS)]  # -1: holds
-        self._left: Array | None = None  # where the tips were when the move began
+def _row(move: Move) -> list[float]:
+    """A move as the numbers that ``laws`` reads."""
+    lifted = [float(finger in move.lifted) for finger in range(FINGERS)]
+    values: list[float] = []
+    for value in astuple(move)[1:]:
+        values += value if isinstance(value, tuple) else [float(value)]
+    return lifted + values
+
+
+class Gaits:
+    """``E`` gaits side by side, each playing one move after the other on the true state it is given.
+
+    Attributes:
+        stage: ``(E, 4)`` control steps since a finger was lifted, -1: it holds.
+        played: ``(E,)`` control steps of the present moves.
+    """
+
+    def __init__(self, count: int, filter_time_constant: float) -> None:
+        # of a target, after a control step
+        self._share = float(1.0 - np.exp(-1.0 / (CONTROL_RATE * filter_time_constant)))
+        self._home = inverse.tips(MEAN_GRASP)
+        self.stage = np.full((count, FINGERS), -1, np.int64)
+        self.played = np.zeros(count, np.int64)
+        self._left = np.zeros((count, FINGERS, 3))  # where the tips were when the move began
+        self._rows = np.tile(np.array(_row(Move(rest=True, steps=0))), (count, 1))
 
     @property
-    def done(self) -> bool:
-        """Whether the move is over."""
-        return self.played >= self.move.steps and max(self._stage) < 0
+    def done(self) -> NDArray[np.bool_]:
+        """Whose move is over, ``(E,)``."""
+        return (self.played >= self._rows[:, laws.STEPS]) & (self.stage.max(axis=1) < 0)
 
-    def copy(self) -> Gait:
-        """The same moment of the same move, to be played on independently."""
-        twin = copy.copy(self)
-        twin._stage = list(self._stage)
-        return twin
+    def begin(self, which: Sequence[int] | NDArray[np.int64], moves: Sequence[Move]) -> None:
+        """Start ``moves``, one for each gait of ``which``."""
+        if len(moves):
+            self._rows[which] = [_row(move) for move in moves]
+            self.stage[which] = np.where(self._rows[which, :FINGERS] > 0, 0, -1)
+            self.played[which] = 0
+
+    def actions(self, q: Array, command: Array, x: Array, R: Array, goal: Array) -> Array:
+        """The next actions ``(E, 12)`` in [-1, 1].
+
+        Args:
+            q: driven joint angles ``(E, 12)`` rad.
+            command: filtered command ``(E, 12)`` rad.
+            x, R: of the object, ``(E, 3)`` m, ``(E, 3, 3)``.
+            goal: orientations ``(E, 3, 3)``.
+        """
+        wanted = laws.wanted(
+            inverse.ORIGINS, self._home, self._rows, self.stage, self.played, self._left,
+            np.ascontiguousarray(q, np.float64), np.ascontiguousarray(command, np.float64),
+            np.ascontiguousarray(x, np.float64), np.ascontiguousarray(R, np.float64), np.ascontiguousarray(goal),
+        )  # fmt: skip
+        self.played += 1
+        return np.clip((command + (wanted - command) / self._share - MIDDLE) / FULL_RANGE, -1.0, 1.0)
+
+
+class Gait(Gaits):
+    """One gait, on a world."""
+
+    def __init__(self, filter_time_constant: float) -> None:
+        super().__init__(1, filter_time_constant)
+        self._time_constant = filter_time_constant
+
+    @property
+    def over(self) -> bool:
+        """Whether the move is over."""
+        return bool(self.done[0])
+
+    def start(self, move: Move) -> None:
+        """Start ``move``."""
+        self.begin([0], [move])
+
+    def fresh(self) -> Gait:
+        """Another gait of the same filter."""
+        return Gait(self._time_constant)
 
     def action(self, world: World, goal: Array) -> Array:
         """The next action ``(12,)`` in [-1, 1] towards the goal orientation ``(3, 3)``."""
-        self.played += 1
-        command, move = world.command, self.move
-        if move.rest:
-            return (command - MIDDLE) / FULL_RANGE
         joints = world.joints[DRIVEN_INDEX]
-        tips = inverse.tips(joints)
-        if self._left is None:
-            self._left = tips
-        axis, lead = self._turn(world, goal)
-        targets = self._holding(tips, world.position, exp(axis * lead))
-        for finger in range(FINGERS):
-            if self._stage[finger] >= 0:
-                targets[finger] = self._lifted(
-                    finger, tips[finger], inverse.tips(command)[finger], world.position, axis
-                )
-        wanted = inverse.joints_for(targets, joints)
-        return np.clip((command + (wanted - command) / self._share - MIDDLE) / FULL_RANGE, -1.0, 1.0)
-
-    def _turn(self, world: World, goal: Array) -> tuple[Array, float]:
-        """Axis ``(3,)`` to turn about and the angle by which holding fingers lead."""
-        move = self.move
-        way = log(goal @ world.rotation.T)
-        angle = float(np.linalg.norm(way))
-        way = way * np.array(move.axes)
-        length = float(np.linalg.norm(way))
-        axis = way / max(length, 1e-9)
-        if any(move.tilt):
-            axis = axis + np.array(move.tilt)
-            axis /= np.linalg.norm(axis)
-            length = max(length, 0.3)
-        lead = move.turn_lifted if max(self._stage) >= 0 else move.turn
-        return axis, 0.0 if angle < ARRIVED else min(lead, length, angle)
-
-    def _holding(self, tips: Array, position: Array, turn: Array) -> Array:
-        """Targets ``(4, 3)`` m of fingers that hold: carried on with the object, and into it."""
-        lifted = [finger for finger in range(FINGERS) if self._stage[finger] >= 0]
-        squeeze = np.full(FINGERS, self.move.squeeze)
-        if len(lifted) == 1:
-            squeeze[OPPOSITE[lifted[0]]] = SOFT
-        levers = tips - position
-        outwards = levers / np.linalg.norm(levers, axis=1, keepdims=True)
-        shift = np.clip(RECENTRING * (CENTRE - position), -FARTHEST, FARTHEST)
-        return position + levers @ turn.T + shift - squeeze[:, None] * outwards
-
-    def _lifted(self, finger: int, tip: Array, commanded: Array, position: Array, axis: Array) -> Array:
-        """Target ``(3,)`` m of a lifted finger: away, over to its landing place, and in until it feels the object."""
-        move, stage = self.move, self._stage[finger]
-        assert self._left is not None
-        left = _away(self._left[finger] - position, CLEARANCE)
-        home = self.home[finger] + np.array([0.0, 0.0, move.raised])
-        landing = CENTRE + exp(-axis * move.back) @ (home - CENTRE) + np.array(move.offset)
-        hover = _away(landing - position, CLEARANCE)
-        self._stage[finger] += 1
-        if stage < move.pace:
-            outwards = (tip - position) / np.linalg.norm(tip - position)
-            return self._left[finger] + outwards * CLEARANCE * (stage + 1) / move.pace
-        if stage < 2 * move.pace:
-            way = left + (stage + 1 - move.pace) / move.pace * (hover - left)
-            far, least = np.linalg.norm(way), np.linalg.norm([left, hover], axis=1).min()
-            return position + way * max(1.0, least / far)  # around the object, not through it
-        inwards = (position - commanded) / np.linalg.norm(position - commanded)
-        target = commanded + APPROACH * inwards
-        landed = (target - tip) @ inwards > move.squeeze + LANDED and stage > 2 * move.pace
-        if landed or stage >= 2 * move.pace + PATIENCE:
-            self._stage[finger] = -1
-        return target
-
-
-def _away(lever: Array, distance: float) -> Array:
-    """``lever (3,)`` longer by ``distance``."""
-    return lever * (1.0 + distance / np.linalg.norm(lever))
+        return self.actions(
+            joints[None], world.command[None], world.position[None], world.rotation[None], goal[None]
+        ).reshape(JOINTS)

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from pydantic import Field, NonNegativeInt, PositiveInt
 
 from tactile_kit.hand.kinematics import DRIVEN_INDEX, JOINTS, MEAN_GRASP
-from tactile_kit.planning.gait import CENTRE, Gait, Move, random_move
+from tactile_kit.planning.gait import Gait, Move, random_move
+from tactile_kit.planning.laws import CENTRE
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator, dropped
 from tactile_kit.simulation.world import PhysicsFault, Snapshot, World
@@ -112,15 +113,15 @@ class Planner:
     def act(self, goal: Array) -> Array:
         """The next action ``(12,)`` in [-1, 1] towards the goal orientation ``(3, 3)``."""
         self.rollouts = []
-        if self.gait.done:
+        if self.gait.over:
             move, *left = self._choose(goal)
-            self.gait.begin(move)
+            self.gait.start(move)
             self._next = tuple(left)
         return self.gait.action(self.simulator.world, goal)
 
     def forget(self) -> None:
         """Plan anew at the next action: somebody else has acted in between."""
-        self.gait.begin(Move(rest=True, steps=0))
+        self.gait.start(Move(rest=True, steps=0))
         self._next = ()
 
     def _choose(self, goal: Array) -> Plan:
@@ -166,14 +167,14 @@ class Planner:
         """
         config, world, simulator = self.config, self.world, self.simulator
         world.restore(moment)
-        gait, moves = self.gait.copy(), iter(plan)
-        gait.begin(next(moves))
+        gait, moves = self.gait.fresh(), iter(plan)
+        gait.start(next(moves))
         states: list[State] = []
         actions: list[Array] = []
         midway = angle = angle_between(world.rotation, goal)
         for number in range(config.horizon):
-            if gait.done:
-                gait.begin(next(moves, Move()))
+            if gait.over:
+                gait.start(next(moves, Move()))
             action = gait.action(world, goal)
             try:
                 world.step(MIDDLE + FULL_RANGE * action, simulator.noise(simulator.elapsed + number))

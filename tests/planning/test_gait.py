@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import randomization
-from tactile_kit.planning.gait import LIFTS, Gait, Move, random_move
+from tactile_kit.hand.kinematics import DRIVEN_INDEX
+from tactile_kit.planning import laws
+from tactile_kit.planning.gait import LIFTS, Gait, Gaits, Move, library, random_move
 from tactile_kit.planning.planner import angle_between
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator
 from tactile_kit.task.rotations import exp
@@ -29,8 +33,8 @@ def gait(held) -> Gait:
 def carry_out(gait: Gait, held: Simulator, move: Move, goal: np.ndarray) -> list[set[int]]:
     """Fingers that touch the object after each control step of ``move``."""
     touching, world = [], held.world
-    gait.begin(move)
-    while not gait.done:
+    gait.start(move)
+    while not gait.over:
         held.step(gait.action(world, goal))
         points = [point for point in world.hand.contacts(world.object) if point[9] > 0]  # normal force
         touching.append({world.hand.fingers.index(point[1]) for point in points})
@@ -38,7 +42,7 @@ def carry_out(gait: Gait, held: Simulator, move: Move, goal: np.ndarray) -> list
 
 
 def test_resting_keeps_the_command(gait, held) -> None:
-    gait.begin(Move(rest=True, steps=3))
+    gait.start(Move(rest=True, steps=3))
     before = held.world.command.copy()
     action = gait.action(held.world, np.eye(3))
     np.testing.assert_allclose(MIDDLE + FULL_RANGE * action, before, atol=1e-12)
@@ -59,20 +63,40 @@ def test_lifted_fingers_let_go_and_come_back_while_the_others_hold(gait, held, l
     assert np.linalg.norm(held.world.position) < 0.05
 
 
-def test_a_copy_goes_its_own_way(gait, held) -> None:
-    gait.begin(Move(lifted=(0,)))
-    twin = gait.copy()
-    for _ in range(3):
-        gait.action(held.world, np.eye(3))
-    assert twin.played == 0 and gait.played == 3 and not gait.done
-    first = twin.action(held.world, np.eye(3))
-    np.testing.assert_array_equal(first, gait_action_from_start(held))
+def test_gaits_side_by_side_do_what_each_does_alone(held) -> None:
+    generator = np.random.default_rng(1)
+    moves = [random_move(generator) for _ in range(6)]
+    time_constant, world = held.world.config.filter_time_constant, held.world
+    together = Gaits(len(moves), time_constant)
+    together.begin(np.arange(len(moves)), moves)
+    alone = [Gait(time_constant) for _ in moves]
+    for gait, move in zip(alone, moves, strict=True):
+        gait.start(move)
+    goal = exp(np.array([0.3, 0.0, 0.5])) @ world.rotation
+    for _ in range(12):
+        wanted = np.stack([gait.action(world, goal) for gait in alone])
+        many = [np.repeat(value[None], len(moves), axis=0) for value in (
+            world.joints[DRIVEN_INDEX], world.command, world.position, world.rotation, goal,
+        )]  # fmt: skip
+        np.testing.assert_array_equal(together.actions(*many), wanted)
+        np.testing.assert_array_equal(together.done, [gait.over for gait in alone])
+        held.step(wanted[0])
 
 
-def gait_action_from_start(held: Simulator) -> np.ndarray:
-    other = Gait(held.world.config.filter_time_constant)
-    other.begin(Move(lifted=(0,)))
-    return other.action(held.world, np.eye(3))
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(1e-6, np.pi))
+def test_compiled_rotations_are_the_rotations(seed: int, angle: float) -> None:
+    axis = np.random.default_rng(seed).normal(size=3)
+    axis /= np.linalg.norm(axis)
+    turn = laws.rotation_about(axis, angle)
+    np.testing.assert_allclose(turn, exp(axis * angle), atol=1e-12)
+    np.testing.assert_allclose(exp(laws.rotation_vector(turn)), turn, atol=1e-9)
+
+
+def test_the_library_is_of_different_moves() -> None:
+    moves = library()
+    assert len(set(moves)) == len(moves) and {move.lifted for move in moves} == {(), *LIFTS}
+    assert moves[0].rest and not any(move.rest for move in moves[1:])
 
 
 def test_random_moves_differ_and_stay_in_range() -> None:

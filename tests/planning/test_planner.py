@@ -40,8 +40,8 @@ def test_a_roll_out_is_what_then_happens(make, small) -> None:
     assert len(rollout.states) == small.horizon == len(rollout.actions) + 1 and not rollout.failed
     moves = iter(plan)
     for number, state in enumerate(rollout.states):
-        if planner.gait.done:
-            planner.gait.begin(next(moves, Move()))
+        if planner.gait.over:
+            planner.gait.start(next(moves, Move()))
         action = planner.gait.action(simulator.world, goal)
         if number:
             np.testing.assert_array_equal(action, rollout.actions[number - 1])
@@ -91,7 +91,7 @@ def test_the_next_plan_is_what_was_left_of_the_last(make, small) -> None:
     planner._next = (Move(turn=0.123),)
     assert planner._next in planner._plans(1.0)
     planner.forget()
-    assert planner.gait.done and planner._next == ()
+    assert planner.gait.over and planner._next == ()
 
 
 @pytest.mark.slow
