@@ -152,6 +152,7 @@ def evaluate_planner(
     episodes_per_goal: Annotated[int, arg(metavar="K")] = 1,
     goals_per_case: Annotated[int, arg(metavar="N")] = 24,
     seed: Annotated[int, arg(metavar="S")] = 0,
+    randomization: Annotated[str, arg(metavar="PRESET")] = "default",
     planner: Annotated[Path | None, arg(metavar="YAML")] = None,
     num_workers: int = 0,
 ) -> int:
@@ -167,6 +168,7 @@ def evaluate_planner(
         episodes_per_goal: Repeats of each goal on each object.
         goals_per_case: How many of the 24 goals.
         seed: Of the evaluation, as in evaluate.
+        randomization: Preset or YAML file of domain randomisation; agents are evaluated under the default.
         planner: Settings of the planner (tactile_kit.planning.PlannerConfig); its defaults by default.
         num_workers: Processes that plan, an episode each; 0: this one.
     """
@@ -177,7 +179,7 @@ def evaluate_planner(
 
     summary = evaluate_to(
         out, objects, planner=planner, episodes_per_goal=episodes_per_goal, goals_per_case=goals_per_case, seed=seed,
-        num_workers=num_workers, progress=tell,
+        randomization=randomization, num_workers=num_workers, progress=tell,
     )  # fmt: skip
     print(json.dumps(summary), flush=True)
     return 0

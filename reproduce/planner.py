@@ -134,6 +134,7 @@ def evaluate_to(
     episodes_per_goal: int = 1,
     goals_per_case: int = GOALS,
     seed: int = 0,
+    randomization: str = "default",
     num_workers: int = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, Any]:
@@ -141,7 +142,7 @@ def evaluate_to(
 
     Args:
         planner: YAML file of planner settings.
-        objects, episodes_per_goal, goals_per_case, seed, num_workers: as in ``evaluate_planner``.
+        objects, episodes_per_goal, goals_per_case, seed, randomization, num_workers: as in ``evaluate_planner``.
         progress: called with (episodes done, episodes in all) after every episode.
 
     Returns a summary of ``objects``, as of ``stages.evaluate.evaluate_to``, with ``cpu_seconds_per_action``.
@@ -157,6 +158,7 @@ def evaluate_to(
         "episodes_per_goal": episodes_per_goal,
         "goals_per_case": goals_per_case,
         "seed": seed,
+        "randomization": randomization,
         "steps_per_second": STEPS_PER_SECOND,
         "planner": config.model_dump(mode="json"),
     }
@@ -164,7 +166,7 @@ def evaluate_to(
     total = len(names) * record.expected
     played = evaluate_planner(
         objects, planner=config, episodes_per_goal=episodes_per_goal, goals_per_case=goals_per_case, seed=seed,
-        num_workers=num_workers, done=record.seeds,
+        randomization=randomization, num_workers=num_workers, done=record.seeds,
     )  # fmt: skip
     for row, cpu_seconds in played:
         record.add(row, cpu_seconds)
