@@ -36,7 +36,8 @@ class Progress:
         if self.quiet:
             return
         if self._bar is not None:
-            self._bar.update(self._task, completed=step, text=self._text(step, line) if line else None)
+            text = {"text": self._text(step, line)} if line else {}  # without a line the last one stays
+            self._bar.update(self._task, completed=step, **text)
             return
         now = time.monotonic()
         if line is not None and (now - self._shown >= self.EVERY or step >= self.total):
