@@ -1,5 +1,8 @@
 """The command line and the contact sheet."""
 
+import json
+import re
+import shutil
 import subprocess
 import sys
 
@@ -54,6 +57,43 @@ def test_check(tmp_path, capsys):
     assert "refused" in text and "remedy" in text and "good.stl: 60.0 x 50.0 x 40.0 mm" in text
     assert main(["check", str(tmp_path / "large.stl"), "--extent", "0.045:0.09"]) == 0
     assert main(["check", str(object_sets.sets.DATA)]) == 0
+
+
+def test_check_of_a_set_that_was_altered(tmp_path, capsys):
+    """Told as one refusal beside the files that are fine, and in the report."""
+    shutil.copytree(object_sets.sets.DATA, tmp_path / "set")
+    with (tmp_path / "set" / "cube.npz").open("ab") as file:
+        file.write(b"more")
+    trimesh.creation.box((0.06, 0.05, 0.04)).export(tmp_path / "good.stl")
+    report = tmp_path / "report.json"
+    places = [str(tmp_path / "set"), str(tmp_path / "good.stl")]
+    assert main(["check", *places, "--report", str(report)]) == 1
+    assert "1 ok, 0 repaired, 1 refused" in capsys.readouterr().out
+    row = json.loads(report.read_bytes())[0]
+    assert "cube.npz: sha256 does not fit" in row["defect"] and row["remedy"] == "build the set again"
+    (tmp_path / "set" / "manifest.json").unlink()
+    assert main(["check", str(tmp_path / "set" / "manifest.json")]) == 1
+    assert "manifest.json: missing" in capsys.readouterr().out
+
+
+def test_places_and_ranges_that_are_none(tmp_path, capsys):
+    assert main(["build", "--meshes", str(tmp_path / "nowhere"), "--out", str(tmp_path / "set")]) == 1
+    assert "nowhere: no such folder" in capsys.readouterr().err
+    for extent in ("small", "0", "0.09:0.045", "0.05:inf"):
+        assert main(["check", str(tmp_path / "a.stl"), "--extent", extent]) == 1
+        assert f"--extent {extent!r}: LOW:HIGH in metres" in capsys.readouterr().err
+
+
+def test_a_bar_on_a_terminal(tmp_path, capsys, monkeypatch):
+    trimesh.creation.box((0.06, 0.05, 0.04)).export(tmp_path / "box.stl")
+    assert main(["check", str(tmp_path / "box.stl")]) == 0
+    assert capsys.readouterr().err == f"[1/1] {tmp_path / 'box.stl'}\n"
+    monkeypatch.setenv("FORCE_COLOR", "1")  # stderr counts as a terminal
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "200")
+    assert main(["check", str(tmp_path / "box.stl")]) == 0
+    shown = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", capsys.readouterr().err)
+    assert re.search(r"box\.stl .*1/1", shown) and "[1/1]" not in shown
 
 
 def test_render_sheet(tmp_path, capsys):
