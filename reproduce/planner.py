@@ -10,7 +10,7 @@ import json
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from reproduce.errors import ReproduceError
 from reproduce.files import read_json, read_yaml, write_atomic
@@ -18,6 +18,9 @@ from reproduce.stages.evaluate import summary_of
 from tactile_kit.evaluation.cases import GOALS
 from tactile_kit.evaluation.rows import EpisodeRow, read_rows, write_rows
 from tactile_kit.evaluation.schedule import STEPS_PER_SECOND
+
+if TYPE_CHECKING:
+    from tactile_kit.planning import PlannerConfig
 
 Played = tuple[EpisodeRow, float]  # and seconds of one core
 
@@ -150,9 +153,8 @@ def evaluate_to(
     """
     import object_sets
     from tactile_kit.evaluation.planner import evaluate_planner
-    from tactile_kit.planning import PlannerConfig
 
-    config = PlannerConfig(**({} if planner is None else read_yaml(planner) or {}))
+    config = _planner_settings(planner)
     names = [thing.name for thing in object_sets.select(objects)]
     settings = {
         "episodes_per_goal": episodes_per_goal,
@@ -176,6 +178,16 @@ def evaluate_to(
     rows = [row for row in record.rows.values() if row.object in names]
     cost = per_action({name: record.costs[name] for name in names})
     return {**summary_of(rows, out), "cpu_seconds_per_action": cost}
+
+
+def _planner_settings(path: Path | None) -> PlannerConfig:
+    from tactile_kit.planning import PlannerConfig
+
+    content = {} if path is None else read_yaml(path) or {}
+    try:
+        return PlannerConfig.model_validate(content)
+    except ValueError as error:
+        raise ReproduceError(f"{path}: {' '.join(str(error).split())}") from None
 
 
 def per_action(costs: dict[str, dict[str, Any]]) -> float:

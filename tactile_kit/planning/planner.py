@@ -49,6 +49,7 @@ class PlannerConfig(Settings):
     drop: float = Field(4.0, ge=0, description="Price of losing the object.")
     steps_per_second: PositiveInt | None = Field(
         None,
+        multiple_of=60,
         description="Physics steps a second of the planner's own world; by default as many as the simulator's.",
     )
 

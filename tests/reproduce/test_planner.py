@@ -76,6 +76,22 @@ def test_other_settings_are_refused_by_name(command, capsys):
     assert "seed = 1, asked for 2" in said and "nominal.json" in said and "\n" not in said.strip()
 
 
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        ("{plnas: 6}", ["plnas", "did you mean 'plans'"]),
+        ("{steps_per_second: 90}", ["steps_per_second", "multiple of 60"]),
+        ("[6]", ["PlannerConfig"]),
+    ],
+)
+def test_faulty_settings_are_refused_by_file_and_name(tmp_path, capsys, content, words):
+    (tmp_path / "faulty.yaml").write_text(content)
+    arguments = ["--out", str(tmp_path / "a.csv"), "--planner", str(tmp_path / "faulty.yaml")]
+    assert main(["evaluate-planner", *arguments]) == 2
+    said = capsys.readouterr().err.strip()
+    assert "\n" not in said and all(word in said for word in ["faulty.yaml", *words]), said
+
+
 def planned(world, things=range(13), total=24):
     """Rows of the planner as drawn for a table, each with a seed of its own as real ones."""
     rows = [row for i in things for row in world.draw(ROLE, THINGS[i], 3 + i if total > 4 else 2, total)]
