@@ -85,6 +85,16 @@ def test_repeated_faces_are_dropped(save):
     assert len(result.repairs) == 2 and len(result.faces) == 12
 
 
+def test_vertices_within_rounding_are_one(tmp_path):
+    mesh = cube()
+    mesh.unmerge_vertices()
+    mesh.vertices += np.random.default_rng(0).uniform(-2e-10, 2e-10, mesh.vertices.shape)
+    (tmp_path / "mesh.obj").write_text(trimesh.exchange.obj.export_obj(mesh, digits=12))
+    result = read_mesh(tmp_path / "mesh.obj")
+    assert result.repairs == ("merged 28 vertices that lay within rounding of others",)
+    assert len(result.vertices) == 8 and volume(result) == pytest.approx(np.prod(SIDES), rel=1e-5)
+
+
 def test_overlapping_bodies_are_united(save):
     both = trimesh.util.concatenate([cube(), cube().apply_translation((0.03, 0.0, 0.0))])
     result = read_mesh(save(both))
@@ -228,10 +238,50 @@ def _crossed():
     return trimesh.Trimesh(points.reshape(-1, 3), faces, process=False)
 
 
+def _point():
+    mesh = cube()
+    mesh.vertices[:] = 0.01
+    return mesh
+
+
+def _one_sided():
+    """Klein's bottle: every edge has two faces, yet no side is the outer one."""
+    rows, columns = 24, 12
+    u, v = np.meshgrid(
+        2 * np.pi * np.arange(rows) / rows, 2 * np.pi * (np.arange(columns) + 0.5) / columns, indexing="ij"
+    )
+    radius = 2 + np.cos(u / 2) * np.sin(v) - np.sin(u / 2) * np.sin(2 * v)
+    height = np.sin(u / 2) * np.sin(v) + np.cos(u / 2) * np.sin(2 * v)
+    points = 0.015 * np.stack([radius * np.cos(u), radius * np.sin(u), height], axis=-1)
+    number = np.arange(rows * columns).reshape(rows, columns)
+    number = np.vstack([number, number[0, ::-1]])  # glued the wrong way round
+    number = np.hstack([number, number[:, :1]])
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
+    return trimesh.Trimesh(points.reshape(-1, 3), faces, process=False)
+
+
+def _crowd():
+    return trimesh.util.concatenate(
+        [trimesh.creation.box((0.001, 0.001, 0.001)).apply_translation((0.002 * i, 0, 0)) for i in range(200)]
+        + [cube().apply_translation((0, 0.1 * i, 0)) for i in range(1, 302)]
+    )
+
+
+def _scrap():
+    mesh = cube()
+    mesh.update_faces(np.arange(12) < 3)
+    return mesh
+
+
 @pytest.mark.parametrize(
     ("make", "defect"),
     [
         (_open, "open: 6 edges"),
+        (_point, "all its vertices are one point"),
+        (_one_sided, "no common outside"),
+        (_crowd, "consists of 501 bodies; allowed are 500"),
+        (_scrap, "has 3 proper triangles"),
         (_flat, "flat"),
         (_apart, "don't touch"),
         (_nan, "not finite"),

@@ -15,7 +15,7 @@ import pytest
 import object_sets
 from object_sets import DataError, ObjectSetError, ScaleError, UnknownObjectError
 from object_sets.sets import DATA
-from object_sets.storage import npz_bytes, read_npz, sha256
+from object_sets.storage import npz_bytes, read_npz, sha256, write_atomic
 
 
 def test_sets():
@@ -245,3 +245,10 @@ def test_loading_and_help_import_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_write_that_fails_leaves_nothing_behind(tmp_path):
+    (tmp_path / "taken").mkdir()
+    with pytest.raises(OSError, match="taken"):
+        write_atomic(tmp_path / "taken", b"data")
+    assert [path.name for path in tmp_path.iterdir()] == ["taken"]
