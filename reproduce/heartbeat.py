@@ -54,7 +54,7 @@ def read(pipeline: Path, job: str) -> dict | None:
 
 
 def duration(seconds: float) -> str:
-    """95 -> '1:35', 4000 -> '1 h 07'."""
+    """95 -> '1:35', 4000 -> '1 h 06'."""
     seconds = round(seconds)
     if seconds < 3600:
         return f"{seconds // 60}:{seconds % 60:02d}"
