@@ -13,10 +13,11 @@ JOBS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 INSTALLED := $(VENV)/.installed
-CODE := $(wildcard object_sets randomization reproduce tactile_kit tests benchmarks)
+PACKAGES := object_sets randomization reproduce tactile_kit
+CODE := $(wildcard $(PACKAGES) tests benchmarks)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce test lint format bench docs clean
+.PHONY: help setup reproduce test coverage lint format bench docs clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -43,6 +44,14 @@ reproduce: setup  ## every table, figure and the report, from the shipped agents
 # One thread a process: JOBS processes share the cores, and results don't depend on how many there are.
 test: setup  ## all tests
 	OMP_NUM_THREADS=1 MPLBACKEND=Agg $(BIN)/python -m pytest -n $(JOBS) $(PYTEST_ARGS)
+
+# Each package for itself: a well tested one must not make up for another.
+coverage: setup  ## lines that the tests run, at least 90 % of each package; half an hour on two cores
+	@mkdir -p .cache
+	OMP_NUM_THREADS=1 MPLBACKEND=Agg $(BIN)/python -m pytest -n $(JOBS) -o timeout=1200 \
+		--cov --cov-report= --cov-fail-under=0 $(PYTEST_ARGS)
+	@for package in $(PACKAGES); do echo; echo "$$package"; \
+		$(BIN)/coverage report --include "$$package/*" --skip-covered || failed=1; done; exit $${failed:-0}
 
 lint: setup  ## style and types
 	$(BIN)/ruff check $(CODE)
