@@ -1,0 +1,37 @@
+"""Held-out evaluations of the real task: between two iterations of a training, and once at its end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tactile_kit.agents import load_agent
+from tactile_kit.runs import RunConfig, read_metrics, train
+
+pytestmark = pytest.mark.slow
+
+
+def test_evaluations_while_training_and_at_its_end(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tiny = {"hidden": (16,)}
+    config = RunConfig.preset(
+        "sac-smoke",
+        {
+            "steps": 24, "num_envs": 12, "encoding": "none", "log_every": 12, "start_at_grasp": False,
+            "task": {"objects": "cube", "grasps": 2, "horizon": 20},
+            "sac": {"warmup": 4, "batch": 8, "actor": tiny, "critic": tiny},
+            "evaluation": {"minutes": 1e-6, "at_end": True, "num_envs": 24},
+        },
+    )  # fmt: skip
+    train(config, tmp_path)
+    lines = [line for line in read_metrics(tmp_path) if line.get("evaluation")]
+    assert [line["step"] for line in lines] == [12, 24]
+    for line in lines:
+        assert line["episodes"] == 24 and 0 <= line["success_rate"] <= 1 - line["drops"] and line["theta"] > 0
+    assert capsys.readouterr().err.count("evaluation: success rate") == 2
+    assert load_agent(tmp_path).manifest.steps == 24
+    train(config, tmp_path)  # finished and evaluated: nothing is left to do
+    assert len(read_metrics(tmp_path)) == len(lines) + 2
+    assert "evaluation" not in capsys.readouterr().err
