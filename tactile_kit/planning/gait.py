@@ -32,19 +32,19 @@ class Move:
 
     Attributes:
         lifted: fingers that are lifted and put back; none: all hold.
-        turn: rad that holding fingers lead the object by; while others are lifted ``turn_lifted``.
+        turn: rad a control step that holding fingers go on; while others are lifted ``turn_lifted``.
         back: rad against the turn that lifted fingers are put back by, and ``offset (3,)`` m beyond.
         raised: m above the mean grasp where they are put.
         axes: mask of the world axes about which to turn.
         tilt: added to the direction to the goal before its length is taken out.
-        squeeze: m that the command of a holding tip goes into the object.
+        squeeze: m that the command of a landing tip goes into the object.
         pace: control steps to lift, and again to carry.
         steps: least number of control steps.
         rest: keep the command as it is, instead of all this.
     """
 
     lifted: tuple[int, ...] = ()
-    turn: float = 0.3
+    turn: float = 0.1
     turn_lifted: float = 0.0
     back: float = 0.0
     offset: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -65,8 +65,8 @@ def random_move(generator: np.random.Generator) -> Move:
     strays, tilts = generator.random() < 0.7, generator.random() < 0.25
     return Move(
         lifted=lifted,
-        turn=generator.uniform(0.1, 0.5),
-        turn_lifted=float(generator.choice([0.0, 0.15, 0.3])),
+        turn=generator.uniform(0.03, 0.15),
+        turn_lifted=float(generator.choice([0.0, 0.05, 0.1])),
         back=generator.uniform(0.0, 0.8),
         offset=tuple(generator.normal(0.0, 0.008, 3) * strays),
         raised=generator.uniform(0.0, 0.02),
@@ -80,10 +80,10 @@ def random_move(generator: np.random.Generator) -> Move:
 
 def library() -> tuple[Move, ...]:
     """A few dozen moves that do most of what random ones do."""
-    moves = [Move(rest=True), Move(turn=0.15), *(Move(axes=axes) for axes in (EVERYWHERE, UPRIGHT, LEVEL))]
+    moves = [Move(rest=True), Move(turn=0.05), *(Move(axes=axes) for axes in (EVERYWHERE, UPRIGHT, LEVEL))]
     for lifted in LIFTS:
         for back in (0.1, 0.5):
-            for turn in (0.0, 0.3):
+            for turn in (0.0, 0.1):
                 moves.append(Move(lifted=lifted, turn_lifted=turn, back=back, raised=0.01, steps=5))
     return tuple(moves)
 

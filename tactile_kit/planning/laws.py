@@ -13,15 +13,14 @@ from tactile_kit.hand.inverse import LOWER, TIP, UPPER, solve, tips_of
 TURN, TURN_LIFTED, BACK, OFFSET, RAISED, AXES, TILT, SQUEEZE, PACE, STEPS, REST = (
     4, 5, 6, 7, 10, 11, 14, 17, 18, 19, 20,
 )  # fmt: skip
-OPPOSITE = np.array([2, 3, 0, 1])  # the finger across the object
 CENTRE = np.array([-0.004, 0.004, 0.006])  # m: between the tips, where all can reach around the object
 CLEARANCE = 0.02  # m a lifted tip keeps from where it touched
 APPROACH = 0.009  # m a control step towards the object
-SOFT = 0.004  # m: squeeze of a finger whose opposite is lifted
 LANDED = 0.002  # m a closing finger's command may lead its tip beyond the squeeze
 PATIENCE = 6  # control steps a finger may close
-RECENTRING = 0.3  # share of the object's distance from the centre taken back in a step
-FARTHEST = 0.01  # m of it
+RECENTRING = 0.1  # share of the object's distance from the centre taken back in a step
+FARTHEST = 0.002  # m of it
+LONGEST_LEAD = 0.015  # m that a command leads its tip by along the surface
 ARRIVED = 0.08  # rad: no need to turn
 TILTED = 0.3  # rad that a tilted turn goes at least
 
@@ -110,6 +109,21 @@ def _lifted(move, stage, left, tip, commanded, home, x, axis):
 
 
 @numba.njit(cache=True)
+def _holding(tip, commanded, x, turn):
+    """Where the command of a holding finger goes: on with the object. It never follows the tip, since what the tip lags
+    behind by is the force that holds the object in its place (following it, three times as many lifts dropped it)."""
+    lever = tip - x
+    outwards = lever / _length(lever)
+    lead = commanded - tip
+    inside = -(lead * outwards).sum()
+    along = lead + inside * outwards + turn @ lever - lever
+    for i in range(3):
+        along[i] += min(max(RECENTRING * (CENTRE[i] - x[i]), -FARTHEST), FARTHEST)
+    along *= min(1.0, LONGEST_LEAD / _length(along))
+    return tip + along - inside * outwards
+
+
+@numba.njit(cache=True)
 def wanted(origins, home, moves, stages, played, lefts, q, command, x, R, goal):
     """Joint angles ``(E, 12)`` rad that the command should have after the next control step; advances the stages."""
     out = np.empty_like(q)
@@ -122,8 +136,7 @@ def wanted(origins, home, moves, stages, played, lefts, q, command, x, R, goal):
         commanded = tips_of(origins, command[e].reshape(4, 3), TIP)
         if played[e] == 0:
             lefts[e] = tips
-        lifted = (stage >= 0).sum()
-        axis, lead = _turn(move, lifted > 0, R[e], goal[e])
+        axis, lead = _turn(move, (stage >= 0).any(), R[e], goal[e])
         turn = rotation_about(axis, lead)
         targets = np.empty((4, 3))
         for f in range(4):
@@ -133,10 +146,6 @@ def wanted(origins, home, moves, stages, played, lefts, q, command, x, R, goal):
                 )
                 stage[f] = -1 if holds else stage[f] + 1
                 continue
-            squeeze = SOFT if lifted == 1 and move[OPPOSITE[f]] > 0 else move[SQUEEZE]
-            lever = tips[f] - x[e]
-            targets[f] = x[e] + turn @ lever - lever * (squeeze / _length(lever))
-            for i in range(3):
-                targets[f, i] += min(max(RECENTRING * (CENTRE[i] - x[e, i]), -FARTHEST), FARTHEST)
+            targets[f] = _holding(tips[f], commanded[f], x[e], turn)
         out[e] = solve(origins, q[e].reshape(4, 3), targets, LOWER, UPPER, TIP).ravel()
     return out

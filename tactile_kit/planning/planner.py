@@ -151,7 +151,7 @@ class Planner:
         plans: list[Plan] = [
             REST * (horizon // 3 + 1),
             (Move(),),
-            (Move(turn=0.15),),
+            (Move(turn=0.05),),
             (Move(turn=0.0, steps=horizon),),
         ]
         if self._next:

@@ -51,7 +51,7 @@ def test_resting_keeps_the_command(gait, held) -> None:
 def test_turning_turns_towards_the_goal(gait, held) -> None:
     goal = exp(np.array([0.0, 0.0, 0.5])) @ held.world.rotation
     before = angle_between(held.world.rotation, goal)
-    carry_out(gait, held, Move(turn=0.3, steps=10), goal)
+    carry_out(gait, held, Move(turn=0.1, steps=10), goal)
     assert angle_between(held.world.rotation, goal) < before - 0.1
 
 

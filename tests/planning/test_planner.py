@@ -35,7 +35,7 @@ def test_a_roll_out_is_what_then_happens(make, small) -> None:
     simulator.preset, simulator.horizon = randomization.preset("none"), 100
     simulator.reset(0, 3, 9.81)
     planner.start(0)
-    plan, goal = (Move(lifted=(1,), back=0.3), Move(turn=0.2)), exp(np.array([0.0, 0.0, 1.0]))
+    plan, goal = (Move(lifted=(1,), back=0.3), Move(turn=0.05)), exp(np.array([0.0, 0.0, 1.0]))
     rollout = planner.play(simulator.world.snapshot(), plan, goal, record=True)
     assert len(rollout.states) == small.horizon == len(rollout.actions) + 1 and not rollout.failed
     moves = iter(plan)
