@@ -308,6 +308,13 @@ def test_no_process_is_left(tmp_path):
     assert not set(psutil.Process().children(recursive=True)) - before
 
 
+def _in_coacd(process):
+    try:
+        return "coacd_worker" in " ".join(process.cmdline())
+    except psutil.Error:  # it has ended meanwhile
+        return False
+
+
 @pytest.mark.parametrize(("send", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)])
 def test_an_interrupt_leaves_no_process(tmp_path, send, code):
     """In the middle of CoACD, by the keyboard or by force: whatever the command started ends with it."""
@@ -321,7 +328,7 @@ def test_an_interrupt_leaves_no_process(tmp_path, send, code):
     build = subprocess.Popen([*command, *settings], env=environment, stderr=subprocess.PIPE, text=True)
     started: list[psutil.Process] = []
     deadline = time.monotonic() + 120.0
-    while not any("coacd_worker" in " ".join(p.cmdline()) for p in started) and time.monotonic() < deadline:
+    while not any(map(_in_coacd, started)) and time.monotonic() < deadline:
         time.sleep(0.2)
         started = psutil.Process(build.pid).children(recursive=True)
     assert len(started) == 2  # the reader and CoACD
