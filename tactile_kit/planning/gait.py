@@ -78,16 +78,6 @@ def random_move(generator: np.random.Generator) -> Move:
     )
 
 
-def library() -> tuple[Move, ...]:
-    """A few dozen moves that do most of what random ones do."""
-    moves = [Move(rest=True), Move(turn=0.05), *(Move(axes=axes) for axes in (EVERYWHERE, UPRIGHT, LEVEL))]
-    for lifted in LIFTS:
-        for back in (0.1, 0.5):
-            for turn in (0.0, 0.1):
-                moves.append(Move(lifted=lifted, turn_lifted=turn, back=back, raised=0.01, steps=5))
-    return tuple(moves)
-
-
 def _row(move: Move) -> list[float]:
     """A move as the numbers that ``laws`` reads."""
     lifted = [float(finger in move.lifted) for finger in range(FINGERS)]

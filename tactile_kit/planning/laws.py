@@ -111,7 +111,7 @@ def _lifted(move, stage, left, tip, commanded, home, x, axis):
 @numba.njit(cache=True)
 def _holding(tip, commanded, x, turn):
     """Where the command of a holding finger goes: on with the object. It never follows the tip, since what the tip lags
-    behind by is the force that holds the object in its place (following it, three times as many lifts dropped it)."""
+    behind by is the force that holds the object in its place (following it, twice as many lifts dropped it)."""
     lever = tip - x
     outwards = lever / _length(lever)
     lead = commanded - tip

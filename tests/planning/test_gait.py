@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import randomization
 from tactile_kit.hand.kinematics import DRIVEN_INDEX
 from tactile_kit.planning import laws
-from tactile_kit.planning.gait import LIFTS, Gait, Gaits, Move, library, random_move
+from tactile_kit.planning.gait import LIFTS, Gait, Gaits, Move, random_move
 from tactile_kit.planning.planner import angle_between
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator
 from tactile_kit.task.rotations import exp
@@ -91,12 +91,6 @@ def test_compiled_rotations_are_the_rotations(seed: int, angle: float) -> None:
     turn = laws.rotation_about(axis, angle)
     np.testing.assert_allclose(turn, exp(axis * angle), atol=1e-12)
     np.testing.assert_allclose(exp(laws.rotation_vector(turn)), turn, atol=1e-9)
-
-
-def test_the_library_is_of_different_moves() -> None:
-    moves = library()
-    assert len(set(moves)) == len(moves) and {move.lifted for move in moves} == {(), *LIFTS}
-    assert moves[0].rest and not any(move.rest for move in moves[1:])
 
 
 def test_random_moves_differ_and_stay_in_range() -> None:
