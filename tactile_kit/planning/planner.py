@@ -87,8 +87,8 @@ class Planner:
     """Plans for one simulator, in a world of its own with the same object and physics (steps may be coarser).
 
     Args:
-        simulator: whose episodes are planned for. The planner reads its full state, but does not foresee sticky
-            actions and forces; measurement noise is in what it records and moves nothing.
+        simulator: whose episodes are planned for. The planner reads its full state, but foresees no forces, and of
+            sticky actions only how frequent they are; measurement noise is in what it records and moves nothing.
         config: settings.
 
     Attributes:
@@ -139,7 +139,7 @@ class Planner:
                 replace(moment, command=moment.command + self.rng.normal(0.0, config.shake, JOINTS))
                 for _ in range(config.repeats)
             ]
-            again[index] = [self.play(other, plans[index], goal, record=True) for other in shaken]
+            again[index] = [self.play(other, plans[index], goal, self._sticky()) for other in shaken]
             scores[index] += sum(rollout.score for rollout in again[index])
         best = max(finalists, key=lambda index: scores[index])
         self.rollouts = again[best]
@@ -160,11 +160,19 @@ class Planner:
         plans += [(random_move(self.rng), random_move(self.rng)) for _ in range(count - len(plans))]
         return plans
 
-    def play(self, moment: Snapshot, plan: Sequence[Move], goal: Array, record: bool = False) -> Rollout:
+    def _sticky(self) -> NDArray[np.bool_]:
+        """Which actions of a shaken roll-out fail to arrive, ``(horizon,)``: as often as in the episode."""
+        term = self.simulator.preset.terms["sticky_action"]
+        drawn = term.draw_many(int(self.rng.integers(2**62)), self.config.horizon)
+        return np.asarray(drawn, bool).reshape(self.config.horizon)
+
+    def play(
+        self, moment: Snapshot, plan: Sequence[Move], goal: Array, sticky: NDArray[np.bool_] | None = None
+    ) -> Rollout:
         """Play ``plan`` from ``moment`` in the planner's own world, and turn on with all fingers when it is over.
 
-        Without ``record`` only the score is kept. A recorded roll-out begins after the first action, where the
-        measurements are those of the moment as it was played.
+        Without ``sticky (horizon,)`` every action arrives and only the score is kept. With it the roll-out is kept too,
+        from after the first action, where the measurements are those of the moment as it was played.
         """
         config, world, simulator = self.config, self.world, self.simulator
         world.restore(moment)
@@ -173,16 +181,19 @@ class Planner:
         states: list[State] = []
         actions: list[Array] = []
         midway = angle = angle_between(world.rotation, goal)
+        target = simulator.target
         for number in range(config.horizon):
             if gait.over:
                 gait.start(next(moves, Move()))
             action = gait.action(world, goal)
+            if sticky is None or not sticky[number]:
+                target = MIDDLE + FULL_RANGE * action
             try:
-                world.step(MIDDLE + FULL_RANGE * action, simulator.noise(simulator.elapsed + number))
+                world.step(target, simulator.noise(simulator.elapsed + number))
             except PhysicsFault:
                 world.load(simulator.world.body, simulator.world.physics)
                 return _rolled(states, actions, -2.0 * config.drop, True)
-            if record:
+            if sticky is not None:
                 states.append(State.of(world))
                 actions.append(action)
             if dropped(world.position) or _off(world) > LOST:

@@ -123,6 +123,11 @@ class Simulator:
             return Status.DROP
         return Status.TIME if self.elapsed >= self.horizon else Status.RUNNING
 
+    @property
+    def target(self) -> NDArray:
+        """Joint angles ``(12,)`` rad that the last action asked for, before the command filter."""
+        return self._target
+
     def _check(self) -> None:
         """Raises PhysicsFault where the object is ejected or a finger is inside of it."""
         world = self.world

@@ -36,7 +36,7 @@ def test_a_roll_out_is_what_then_happens(make, small) -> None:
     simulator.reset(0, 3, 9.81)
     planner.start(0)
     plan, goal = (Move(lifted=(1,), back=0.3), Move(turn=0.05)), exp(np.array([0.0, 0.0, 1.0]))
-    rollout = planner.play(simulator.world.snapshot(), plan, goal, record=True)
+    rollout = planner.play(simulator.world.snapshot(), plan, goal, np.zeros(small.horizon, bool))
     assert len(rollout.states) == small.horizon == len(rollout.actions) + 1 and not rollout.failed
     moves = iter(plan)
     for number, state in enumerate(rollout.states):
@@ -79,8 +79,21 @@ def test_a_drop_ends_a_roll_out_and_costs(make, small) -> None:
     planner.start(0)
     moment = planner.simulator.world.snapshot()
     falling = replace(moment, velocity=np.array([0.0, 0.0, -3.0]))
-    rollout = planner.play(falling, (Move(),), np.eye(3), record=True)
+    rollout = planner.play(falling, (Move(),), np.eye(3), np.zeros(30, bool))
     assert rollout.failed and len(rollout.actions) < 30 and -7.0 <= rollout.score < -5.5
+
+
+def test_shaken_roll_outs_stick_as_often_as_the_episode(make, small) -> None:
+    planner = make(small.model_copy(update={"horizon": 200}))
+    simulator = planner.simulator
+    simulator.reset(0, 3, 9.81)
+    planner.start(0)
+    assert 0.05 < np.mean([planner._sticky().mean() for _ in range(20)]) < 0.15  # the default's 0.1
+    moment, goal, stuck = simulator.world.snapshot(), np.eye(3), np.ones(200, bool)
+    resting = planner.play(moment, (Move(lifted=(1,)),), goal, stuck)
+    assert not resting.failed and len(resting.actions) == 199  # no action arrives, and the grasp holds
+    simulator.preset = randomization.preset("none")
+    assert not planner._sticky().any()
 
 
 def test_the_next_plan_is_what_was_left_of_the_last(make, small) -> None:
