@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
 from tactile_kit.evaluation import EvaluationError, read_rows, write_rows
@@ -69,7 +70,7 @@ def test_the_planners_own_world_may_have_coarser_steps():
         for planner in planners:
             planner.start(0)
             rest = planner.play(
-                simulator.world.snapshot(), planner._plans(1.0)[0], plan.specs[0].goal, record=True
+                simulator.world.snapshot(), planner._plans(1.0)[0], plan.specs[0].goal, np.zeros(5, bool)
             )
             ends.append(rest.states[-1])
         # The same half second of holding still: other steps, hardly another place.
