@@ -8,7 +8,7 @@ from tactile_kit.simulation.grasps import GraspError, find_grasps
 from tactile_kit.simulation.world import World
 
 GRASPS = 4
-ATTEMPTS = 15  # a grasp; a cube needs about three
+ATTEMPTS = 15  # a grasp; a cube needs one or two
 
 
 def holds(thing: Object, seed: int = 0) -> bool:

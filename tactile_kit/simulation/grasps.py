@@ -1,4 +1,6 @@
-"""Initial states: a randomly turned object, and four fingers closed around it until each feels resistance.
+"""Initial states: a randomly turned object, and four fingers closed around it until each feels it.
+
+Every fingertip moves towards the object's centre while the object is held in its place; then it is let go.
 
 The paper (section II-E) spawns a randomly oriented object in the hand and closes the fingers by a heuristic. Grasps are
 found once an object and size and kept in a bank, named by the content of everything that they depend on.
@@ -8,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,54 +21,76 @@ from numpy.typing import NDArray
 import randomization
 from object_sets import Object
 from object_sets.storage import cache_directory, npz_bytes, write_atomic
-from tactile_kit.hand import kinematics, urdf
+from tactile_kit.hand import inverse, kinematics, urdf
 from tactile_kit.simulation.bodies import Body
-from tactile_kit.simulation.config import SimulationConfig
+from tactile_kit.simulation.config import CONTROL_RATE, SimulationConfig
 from tactile_kit.simulation.world import Grasp, PhysicsFault, World
-from tactile_kit.task.rotations import random_rotations
+from tactile_kit.task.rotations import geodesic, random_rotations
 
 Array = NDArray[np.float64]
 
-OPENING = np.tile([0.0, -0.35, -0.10], kinematics.FINGERS)  # from the mean grasp
-CLOSING = np.array([0.0, 0.05, 0.033])  # rad a control step and finger
-FELT = 0.05  # rad: a finger whose q2 or q3 lags its command by this much stands against the object
+OPENING = 0.03  # m a fingertip is away from its place in the mean grasp
+CLOSING = 0.005  # m a control step towards the centre
+FELT = 0.012  # m by which a tip lags behind its command where it stands against the object
+NEAREST = 0.015  # m from the centre: nothing there
 CLOSING_STEPS = 20
 SETTLING_STEPS = 5
 HOLDING_STEPS = 10  # under gravity
 MAX_OFFSET = 0.03  # m from the nominal centre
 MAX_DRIFT = 0.005  # m during the last half second
-RECIPE = 5  # counts changes of this file and of the physics that give other grasps
+MAX_TURN = 0.05  # rad during the last half second
+RECIPE = 7  # counts changes of this file and of the physics that give other grasps
+ALL = np.ones(kinematics.FINGERS, bool)
 
 
 class GraspError(RuntimeError):
     """No grasp was found."""
 
 
-def _close(world: World, closing: Array) -> None:
-    """Close every finger until it feels the object."""
-    target = world.command.copy()
-    for _ in range(CLOSING_STEPS):
-        lag = (world.command - world.joints[kinematics.DRIVEN_INDEX]).reshape(
-            kinematics.FINGERS, kinematics.DRIVEN
-        )
-        free = lag[:, 1:].max(axis=1) < FELT
-        target = target + (free[:, None] * closing).ravel()
-        target = np.clip(target, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
-        world.step(target)
-    for _ in range(SETTLING_STEPS):
-        world.step(target)
+def _opened(offset: Array | float) -> Array:
+    """Joint angles ``(12,)`` rad with the fingertips away from the object, moved by ``offset``."""
+    home = inverse.tips(kinematics.MEAN_GRASP)
+    away = home * (1.0 + OPENING / np.linalg.norm(home, axis=1, keepdims=True))
+    angles = inverse.joints_for(away, kinematics.MEAN_GRASP) + offset
+    return np.clip(angles, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
+
+
+def _close(world: World, closing: NDArray[np.bool_]) -> None:
+    """Bring the tips of ``closing (4,)`` to the centre of the object, which is held, until each feels it."""
+    place = world.bullet.getBasePositionAndOrientation(world.object)
+    target, free = world.command.copy(), closing.copy()
+    share = 1.0 - math.exp(
+        -1.0 / (CONTROL_RATE * world.config.filter_time_constant)
+    )  # of a target, after a step
+    for step in range(CLOSING_STEPS + SETTLING_STEPS):
+        command = world.command
+        commanded, tips = inverse.tips(command), inverse.tips(world.joints[kinematics.DRIVEN_INDEX])
+        distance = np.linalg.norm(tips, axis=1, keepdims=True)
+        inwards = -tips / distance
+        lag = ((commanded - tips) * inwards).sum(axis=1)
+        free &= (lag < FELT) & (distance[:, 0] > NEAREST) & (step < CLOSING_STEPS)
+        aim = inverse.joints_for(commanded + CLOSING * inwards, command)
+        moving = np.repeat(free, kinematics.DRIVEN)
+        target = np.where(moving, command + (aim - command) / share, command)
+        world.step(np.clip(target, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER))
+        world.bullet.resetBasePositionAndOrientation(world.object, *place)
+        world.bullet.resetBaseVelocity(world.object, [0.0] * 3, [0.0] * 3)
 
 
 def try_grasp(
-    world: World, body: Body, rotation: Array, offset: Array | float = 0.0, closing: Array = CLOSING
+    world: World,
+    body: Body,
+    rotation: Array,
+    offset: Array | float = 0.0,
+    closing: NDArray[np.bool_] = ALL,
 ) -> Grasp | None:
     """Close the hand around ``body`` turned by ``rotation``; None if the object is not held.
 
-    ``offset`` ``(12,)`` rad is added to the open posture; ``closing`` ``(3,)`` or ``(4, 3)`` rad a control step.
+    ``offset`` ``(12,)`` rad is added to the open posture; ``closing`` ``(4,)`` tells the fingers that close.
     """
     weightless = {**randomization.preset("none").draw("episode", 0), "gravity": 0.0}
     world.load(body, weightless)
-    start = np.clip(kinematics.MEAN_GRASP + OPENING + offset, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
+    start = _opened(offset)
     world.place(Grasp(kinematics.expand(start), start, np.zeros(3), rotation))
     world.bullet.performCollisionDetection()
     if any(contact[8] < -1e-3 for contact in world.bullet.getContactPoints(world.object)):
@@ -76,12 +101,15 @@ def try_grasp(
         world.set_gravity(randomization.STANDARD_GRAVITY)
         for step in range(HOLDING_STEPS):
             if step == HOLDING_STEPS // 2:
-                before = world.position
+                before, turned = world.position, world.rotation
             world.step(target)
     except PhysicsFault:
         return None
-    held = np.linalg.norm(world.position) < MAX_OFFSET and np.linalg.norm(world.position - before) < MAX_DRIFT
-    if not held:
+    near, still = (
+        np.linalg.norm(world.position) < MAX_OFFSET,
+        np.linalg.norm(world.position - before) < MAX_DRIFT,
+    )
+    if not (near and still and geodesic(world.rotation, turned) < MAX_TURN):
         return None
     return Grasp(world.joints.copy(), world.command.copy(), world.position.copy(), world.rotation.copy())
 
@@ -140,7 +168,7 @@ def find_grasps(
         if spread:
             offset = spread * generator.uniform(-1, 1, (kinematics.FINGERS, 3)) * [1.0, 0.5, 0.5]
             idle = generator.integers(3 * kinematics.FINGERS)  # no finger from 4 on
-            closing = np.where(np.arange(kinematics.FINGERS)[:, None] == idle, 0.0, CLOSING)
+            closing = np.arange(kinematics.FINGERS) != idle
             grasp = try_grasp(world, body, rotation, offset.ravel(), closing)
         else:
             grasp = try_grasp(world, body, rotation)

@@ -111,7 +111,7 @@ def test_hand_holds_what_is_sampled(tmp_path):
     assert holds.__module__ == "tactile_kit.simulation.graspable"
     items = object_sets.load(sample(tmp_path, "superquadric", 1, seed=1, graspable=holds))
     assert all(holds(item, seed=5) for item in items)
-    assert not holds(items[0].with_extents(0.015), seed=5)  # far too small for this hand
+    assert not holds(items[0].with_extents(0.003), seed=5)  # far too small for this hand
 
 
 def test_command(tmp_path, capsys, sets):

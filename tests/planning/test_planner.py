@@ -84,14 +84,14 @@ def test_a_drop_ends_a_roll_out_and_costs(make, small) -> None:
 
 
 def test_shaken_roll_outs_stick_as_often_as_the_episode(make, small) -> None:
-    planner = make(small.model_copy(update={"horizon": 200}))
+    planner = make(small.model_copy(update={"horizon": 60}))
     simulator = planner.simulator
     simulator.reset(0, 3, 9.81)
     planner.start(0)
     assert 0.05 < np.mean([planner._sticky().mean() for _ in range(20)]) < 0.15  # the default's 0.1
-    moment, goal, stuck = simulator.world.snapshot(), np.eye(3), np.ones(200, bool)
+    moment, goal, stuck = simulator.world.snapshot(), np.eye(3), np.ones(60, bool)
     resting = planner.play(moment, (Move(lifted=(1,)),), goal, stuck)
-    assert not resting.failed and len(resting.actions) == 199  # no action arrives, and the grasp holds
+    assert not resting.failed and len(resting.actions) == 59  # no action arrives, and the grasp holds
     simulator.preset = randomization.preset("none")
     assert not planner._sticky().any()
 

@@ -19,7 +19,7 @@ from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator, Stat
 from tactile_kit.simulation.vector import MAX_DUMPS, Blueprint, VectorSimulation
 
 HORIZON = 10
-INTO_FINGERS = (0.045, 0.045, 0.03)  # m from a grasp
+INTO_FINGERS = (0.0, 0.05, 0.04)  # m from a grasp
 
 
 def moved(bank: GraspBank, by: tuple[float, float, float]) -> GraspBank:

@@ -25,7 +25,7 @@ def test_every_grasp_of_the_bank_holds_for_a_second(bank, bodies, make_world, ph
             assert np.linalg.norm(world.position - grasp.position) < 5e-3
             assert geodesic(world.rotation, grasp.rotation) < 0.15
             touching = {contact[1] for contact in world.hand.contacts(world.object)}
-            assert len(touching) >= 2  # fingers at the object
+            assert len(touching) >= 3  # fingers at the object
 
 
 def test_grasps_are_within_limits_and_differ(bank) -> None:
@@ -92,8 +92,8 @@ def test_the_search_repeats_itself(things, bank, make_world) -> None:
 
 
 def test_what_can_not_be_held_is_an_error(things, make_world) -> None:
-    thing = things["cube"].with_extents([0.02, 0.02, 0.02])
-    with pytest.raises(GraspError, match=r"cube with extents \[20. 20. 20.\] mm: 0 of 1 .* 3 tries"):
+    thing = things["cube"].with_extents([0.002, 0.002, 0.002])
+    with pytest.raises(GraspError, match=r"cube with extents \[2. 2. 2.\] mm: 0 of 1 .* 3 tries"):
         find_grasps(make_world(), thing, 1, attempts=3)
 
 
