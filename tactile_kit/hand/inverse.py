@@ -31,7 +31,7 @@ ORIGINS = _origins()
 
 
 @numba.njit(cache=True)
-def _tip(origins, q, end):
+def tip_of(origins, q, end):
     """Centre ``(3,)`` m of one finger's outer tip sphere and its Jacobian ``(3, 3)`` m/rad."""
     axes, points = np.empty((4, 3)), np.empty((4, 3))
     frame = np.eye(4)
@@ -55,7 +55,7 @@ def tips_of(origins, q, end):
     """Centres ``(4, 3)`` m for angles ``(4, 3)``."""
     centres = np.empty((4, 3))
     for finger in range(4):
-        centres[finger] = _tip(origins[finger], q[finger], end)[0]
+        centres[finger] = tip_of(origins[finger], q[finger], end)[0]
     return centres
 
 
@@ -65,7 +65,7 @@ def solve(origins, q, targets, lower, upper, end):
     q = q.copy()
     for finger in range(4):
         for _ in range(ITERATIONS):
-            centre, jacobian = _tip(origins[finger], q[finger], end)
+            centre, jacobian = tip_of(origins[finger], q[finger], end)
             square = jacobian.T @ jacobian + DAMPING * np.eye(3)
             step = np.linalg.solve(square, jacobian.T @ (targets[finger] - centre))
             largest = np.abs(step).max()

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 
 from tactile_kit.hand.inverse import LOWER, TIP, UPPER, solve, tips_of
+from tactile_kit.planning.forces import taken_over
 
 # Columns of a move's row after the four of lifted fingers
 TURN, TURN_LIFTED, BACK, OFFSET, RAISED, AXES, TILT, SQUEEZE, PACE, STEPS, REST = (
@@ -85,7 +86,7 @@ def _length(vector):
 
 
 @numba.njit(cache=True)
-def _lifted(move, stage, left, tip, commanded, home, x, axis):
+def lifted(move, stage, left, tip, commanded, home, x, axis):
     """Where a lifted finger goes, and whether it holds again: away, over to its landing place, in until it feels."""
     pace = int(move[PACE])
     away = left - x
@@ -109,7 +110,7 @@ def _lifted(move, stage, left, tip, commanded, home, x, axis):
 
 
 @numba.njit(cache=True)
-def _holding(tip, commanded, x, turn):
+def holding(tip, commanded, x, turn, longest):
     """Where the command of a holding finger goes: on with the object. It never follows the tip, since what the tip lags
     behind by is the force that holds the object in its place (following it, twice as many lifts dropped it)."""
     lever = tip - x
@@ -119,7 +120,7 @@ def _holding(tip, commanded, x, turn):
     along = lead + inside * outwards + turn @ lever - lever
     for i in range(3):
         along[i] += min(max(RECENTRING * (CENTRE[i] - x[i]), -FARTHEST), FARTHEST)
-    along *= min(1.0, LONGEST_LEAD / _length(along))
+    along *= min(1.0, longest / _length(along))
     return tip + along - inside * outwards
 
 
@@ -141,11 +142,14 @@ def wanted(origins, home, moves, stages, played, lefts, q, command, x, R, goal):
         targets = np.empty((4, 3))
         for f in range(4):
             if stage[f] >= 0:
-                targets[f], holds = _lifted(
+                targets[f], holds = lifted(
                     move, stage[f], lefts[e, f], tips[f], commanded[f], home[f], x[e], axis
                 )
                 stage[f] = -1 if holds else stage[f] + 1
                 continue
-            targets[f] = _holding(tips[f], commanded[f], x[e], turn)
-        out[e] = solve(origins, q[e].reshape(4, 3), targets, LOWER, UPPER, TIP).ravel()
+            targets[f] = holding(tips[f], commanded[f], x[e], turn, LONGEST_LEAD)
+        angles = solve(origins, q[e].reshape(4, 3), targets, LOWER, UPPER, TIP)
+        if played[e] == 0:
+            angles += taken_over(origins, q[e].reshape(4, 3), command[e].reshape(4, 3), x[e], move[:4] > 0)
+        out[e] = angles.ravel()
     return out

@@ -55,7 +55,7 @@ def test_turning_turns_towards_the_goal(gait, held) -> None:
     assert angle_between(held.world.rotation, goal) < before - 0.1
 
 
-@pytest.mark.parametrize("lifted", [(1,), (2,)])
+@pytest.mark.parametrize("lifted", [(1,), (3,), (1, 3)])
 def test_lifted_fingers_let_go_and_come_back_while_the_others_hold(gait, held, lifted) -> None:
     touching = carry_out(gait, held, Move(lifted=lifted, steps=5), held.world.rotation)
     assert all(any(finger not in touch for touch in touching) for finger in lifted)
