@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 import randomization
 from tactile_kit.hand.kinematics import JOINTS
 from tactile_kit.simulation.simulator import Status
+from tactile_kit.task.actions import actions_of
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
 from tactile_kit.task.goals import EpisodeSpec, training_episodes
@@ -49,6 +50,7 @@ class ReorientEnv(gymnasium.Env):
         self.action_space = spaces.Box(-1.0, 1.0, (JOINTS,), np.float32)
         self._z = np.zeros(144, np.float32)
         self._x, self._R, self._q = np.zeros(3), np.eye(3), np.zeros(JOINTS)
+        self._actions = actions_of(self.config, 1)
         self._episodes: Iterator[EpisodeSpec] | None = None
 
     def reset(
@@ -72,12 +74,20 @@ class ReorientEnv(gymnasium.Env):
         self.simulator.reset(spec.variant, spec.seed, self.config.gravity)
         self._read()
         self._x0 = self._x.copy()
+        if self._actions is not None:
+            self._actions.begin(np.ones(1, bool))
         return self._observe(), {"episode_spec": spec, "randomization": self.simulator.physics}
 
     def step(self, action: NDArray) -> tuple[NDArray, float, bool, bool, dict[str, Any]]:
         """Play one action; 0.1 s."""
         R_before, x_before = self._R.copy(), self._x.copy()
-        status = self.simulator.step(np.asarray(action, dtype=np.float64))
+        action = np.asarray(action, dtype=np.float64)
+        if self._actions is not None:
+            belief = self._belief()
+            action = self._actions(action[None], self._z[None], belief.x, belief.R, self.spec_now.goal[None])[
+                0
+            ]
+        status = self.simulator.step(action)
         self._read()
         terminated = status in (Status.DROP, Status.FAULT)
         terms = reward_terms(
@@ -108,6 +118,8 @@ class ReorientEnv(gymnasium.Env):
         self.simulator.read(self._z, self._x, self._R, self._q)
 
     def _observe(self) -> NDArray[np.float32]:
-        belief = Belief(self._x[None].astype(np.float32), self._R[None].astype(np.float32))
         given = np.array([self.spec_now.given])
-        return self.core.observer(self._z[None], self.spec_now.goal[None], belief, given)[0]
+        return self.core.observer(self._z[None], self.spec_now.goal[None], self._belief(), given)[0]
+
+    def _belief(self) -> Belief:
+        return Belief(self._x[None].astype(np.float32), self._R[None].astype(np.float32))
