@@ -27,7 +27,7 @@ from tactile_kit.planning.laws import (
     rotation_about,
     rotation_vector,
 )
-from tactile_kit.simulation.config import CONTROL_RATE
+from tactile_kit.simulation.config import command_share
 from tactile_kit.task.actions import absolute, measured
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ LONGEST_LEAD = 0.009  # m that a command leads its tip by along the surface
 STARTLED = 0.008  # m the object has moved since a finger was lifted: it closes at once
 STEPS = 2.0  # control steps to lift, and again to carry
 ROW = 21  # numbers of a move
-ABOUT, FINGER, PLACE, PRESS, HEIGHT = 0, 3, 7, 10, 11  # columns of an action
+FINGER, PLACE, PRESS, HEIGHT = 3, 7, 10, 11  # columns of an action
 
 
 @numba.njit(cache=True)
@@ -80,7 +80,7 @@ def _wanted(origins, home, actions, moves, axes, stages, lefts, starts, q, comma
             starts[e] = x[e]
         moved = x[e] - starts[e]
         startled = (moved * moved).sum() > STARTLED**2
-        speed = min(TURN_LIFTED if (stage >= 0).any() else TURN, angle) * toward + AROUND * action[:3]
+        speed = min(TURN_LIFTED if (stage >= 0).any() else TURN, angle) * toward + AROUND * action[:FINGER]
         lead = math.sqrt((speed * speed).sum())
         turn = rotation_about(speed / max(lead, 1e-9), min(lead, FASTEST))
         targets = np.empty((4, 3))
@@ -112,8 +112,7 @@ class GaitActions:
     """
 
     def __init__(self, count: int, filter_time_constant: float) -> None:
-        # of a target, after a control step
-        self._share = float(1.0 - np.exp(-1.0 / (CONTROL_RATE * filter_time_constant)))
+        self._share = command_share(filter_time_constant)
         self._home = inverse.tips(MEAN_GRASP)
         self.stage = np.full((count, FINGERS), -1, np.int64)
         self._moves = np.zeros((count, FINGERS, ROW))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tactile_kit.hand import inverse
 from tactile_kit.hand.kinematics import DRIVEN_INDEX, FINGERS, JOINTS, MEAN_GRASP
 from tactile_kit.planning import laws
-from tactile_kit.simulation.config import CONTROL_RATE
+from tactile_kit.simulation.config import command_share
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE
 from tactile_kit.simulation.world import World
 
@@ -96,8 +96,7 @@ class Gaits:
     """
 
     def __init__(self, count: int, filter_time_constant: float) -> None:
-        # of a target, after a control step
-        self._share = float(1.0 - np.exp(-1.0 / (CONTROL_RATE * filter_time_constant)))
+        self._share = command_share(filter_time_constant)
         self._home = inverse.tips(MEAN_GRASP)
         self.stage = np.full((count, FINGERS), -1, np.int64)
         self.played = np.zeros(count, np.int64)

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 MEASUREMENT_RATE = 60  # Hz, paper section II-C
 CONTROL_RATE = 10  # Hz, the policy
 SAMPLES = MEASUREMENT_RATE // CONTROL_RATE  # measurements a control step
+
+
+def command_share(filter_time_constant: float) -> float:
+    """Share of the way to a target that the filtered command has gone after a control step; time constant in s."""
+    return 1.0 - math.exp(-1.0 / (CONTROL_RATE * filter_time_constant))
 
 
 class SimulationConfig(BaseModel):

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +22,7 @@ from object_sets import Object
 from object_sets.storage import cache_directory, npz_bytes, write_atomic
 from tactile_kit.hand import inverse, kinematics, urdf
 from tactile_kit.simulation.bodies import Body
-from tactile_kit.simulation.config import CONTROL_RATE, SimulationConfig
+from tactile_kit.simulation.config import SimulationConfig, command_share
 from tactile_kit.simulation.world import Grasp, PhysicsFault, World
 from tactile_kit.task.rotations import geodesic, random_rotations
 
@@ -59,9 +58,7 @@ def _close(world: World, closing: NDArray[np.bool_]) -> None:
     """Bring the tips of ``closing (4,)`` to the centre of the object, which is held, until each feels it."""
     place = world.bullet.getBasePositionAndOrientation(world.object)
     target, free = world.command.copy(), closing.copy()
-    share = 1.0 - math.exp(
-        -1.0 / (CONTROL_RATE * world.config.filter_time_constant)
-    )  # of a target, after a step
+    share = command_share(world.config.filter_time_constant)
     for step in range(CLOSING_STEPS + SETTLING_STEPS):
         command = world.command
         commanded, tips = inverse.tips(command), inverse.tips(world.joints[kinematics.DRIVEN_INDEX])
