@@ -160,7 +160,12 @@ def evaluation_task(
         "grasps": GRASPS,
         "grasp_spread": 0.0,
         "goal_every": 0,
-        "simulation": {**trained.simulation.model_dump(), "steps_per_second": steps_per_second},
+        "simulation": {
+            **trained.simulation.model_dump(),
+            "steps_per_second": steps_per_second,
+            "engine": "bullet",
+            "support": 0.0,
+        },
     }
     try:
         return type(trained)(**{**trained.model_dump(), **changes})

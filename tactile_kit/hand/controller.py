@@ -111,21 +111,21 @@ class ImpedanceController:
         self._stiffness = impedance.stiffness * impedance.ratio
         drag = np.eye(kinematics.DRIVEN) * (impedance.damping * impedance.ratio + step * self._stiffness)
         mass = kinematics.TENDON.T @ finger_mass_matrices() @ kinematics.TENDON
-        self._damping = np.ascontiguousarray(mass @ np.linalg.inv(mass + step * drag) @ drag)
+        self.damping = np.ascontiguousarray(mass @ np.linalg.inv(mass + step * drag) @ drag)
         self._limit = TORQUE_LIMIT / self._stiffness
         self.compensate(gravity)
         self._out = np.empty((kinematics.FINGERS, kinematics.DRIVEN))
 
     def compensate(self, gravity: float) -> None:
         """Carry the fingers' weight under ``gravity`` m/s² from now on."""
-        self._feedforward = gravity_torques(gravity).reshape(kinematics.FINGERS, 4) @ kinematics.TENDON
+        self.feedforward = gravity_torques(gravity).reshape(kinematics.FINGERS, 4) @ kinematics.TENDON
 
     def torques(self, q: Array, dq: Array, command: Array) -> Array:
         """Torques ``(4 fingers, 3)`` Nm for angles and speeds ``(16,)`` and filtered command ``(12,)`` rad.
 
         The returned array is overwritten by the next call.
         """
-        _torques(q, dq, command, self._stiffness, self._damping, self._limit, self._feedforward, self._out)
+        _torques(q, dq, command, self._stiffness, self.damping, self._limit, self.feedforward, self._out)
         return self._out
 
     def measured(self, q: Array, command: Array) -> Array:

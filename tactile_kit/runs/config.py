@@ -59,10 +59,14 @@ class EpisodesConfig(Settings):
     goal_every: int | None = Field(None, ge=0, description="Actions until a new goal, without a reset.")
     grasps: PositiveInt | None = Field(None, description="Initial grasps a variant.")
     grasp_spread: float | None = Field(None, ge=0, le=0.5, description="How far grasps stray, rad.")
+    engine: Literal["bullet", "compiled"] | None = Field(None, description="Physics to train in.")
+    support: float | None = Field(None, ge=0, le=1000, description="Spring while gravity is low, N/m.")
 
     def applied(self, task: TaskConfig) -> TaskConfig:
         """The task as training plays it."""
-        return task.model_copy(update=self.model_dump(exclude_none=True))
+        own = self.model_dump(exclude_none=True)
+        physics: dict[str, Any] = {name: own.pop(name) for name in ("engine", "support") if name in own}
+        return task.model_copy(update={**own, "simulation": task.simulation.model_copy(update=physics)})
 
 
 class RunConfig(Settings):

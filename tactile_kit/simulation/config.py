@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -36,6 +37,17 @@ class SimulationConfig(BaseModel):
     )
     filter_time_constant: float = Field(
         default=0.27, gt=0, le=2, description="time constant of the command low-pass filter, s"
+    )
+
+    # For training; whatever is measured of an agent is measured in Bullet, without support.
+    engine: Literal["bullet", "compiled"] = Field(
+        default="bullet", description="Bullet, or the compiled physics of tactile_kit.simulation.compiled"
+    )
+    support: float = Field(
+        default=0.0,
+        ge=0,
+        le=1000,
+        description="spring to the object's first place without gravity, N/m; fades as gravity rises",
     )
 
     @property

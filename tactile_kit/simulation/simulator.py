@@ -68,6 +68,11 @@ class Simulator:
         relative: bool = False,
         visible: bool = False,
     ) -> None:
+        if config.engine != "bullet":
+            raise ValueError(
+                f"simulation.engine = {config.engine!r}: allowed is 'bullet' for a single environment, pictures and "
+                "planning; the compiled physics plays batches (tactile_kit.make_vec)"
+            )
         self.world = World(config, visible)
         self.bodies, self.bank, self.preset, self.horizon = bodies, bank, preset, horizon
         self.relative = relative

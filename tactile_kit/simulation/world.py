@@ -17,6 +17,7 @@ from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.client import Client
 from tactile_kit.simulation.config import SAMPLES, SimulationConfig
 from tactile_kit.simulation.hand import Hand
+from tactile_kit.simulation.support import calm_of, stiffness_of
 from tactile_kit.task.rotations import to_quaternion
 
 Array = NDArray[np.float64]
@@ -104,6 +105,10 @@ class World:
         impedance = Impedance(physics["kp"], physics["kd"], physics["series_stiffness"])
         self.controller = ImpedanceController(impedance, self.config.time_step, self.physics["gravity"])
         self._offset = np.asarray(physics["joint_offset"], dtype=np.float64)
+        self._support = stiffness_of(self.config.support, self.physics["gravity"])
+        if self._support:
+            calm = 1.0 - math.exp(-calm_of(self.config.support, self.physics["gravity"]))
+            bullet.changeDynamics(self.object, -1, linearDamping=calm, angularDamping=calm)
         self.disturb(np.zeros(3), np.zeros(3))
 
     def _build(self) -> Hand:
@@ -146,6 +151,7 @@ class World:
             self.object, position.tolist(), to_quaternion(rotation).tolist()
         )
         self.bullet.resetBaseVelocity(self.object, moment.velocity.tolist(), moment.spin.tolist())
+        self._place = position
         self._filter.reset(moment.command)
         self.joints, self.speeds = self.hand.read()
         self._read_object()
@@ -179,6 +185,8 @@ class World:
                 # the encoders' offset shifts what the controller holds
                 command = self._filter.update(target) - self._offset
                 hand.drive(self.controller.torques(self.joints, self.speeds, command))
+                if self._support:
+                    self._pull_back()
                 if self._torque is not None:
                     bullet.applyExternalTorque(self.object, -1, self._torque, pybullet.WORLD_FRAME)
                 bullet.stepSimulation()
@@ -189,6 +197,11 @@ class World:
         if not math.isfinite(fastest + self.position.sum()) or fastest > MAX_JOINT_SPEED:
             self.hand = None  # what is not finite stays in Bullet's memory: build the scene anew
             raise PhysicsFault(f"joint speed {fastest:.3g} rad/s, object at {self.position}")
+
+    def _pull_back(self) -> None:
+        at, _ = self.bullet.getBasePositionAndOrientation(self.object)
+        force = self._support * (self._place - at)
+        self.bullet.applyExternalForce(self.object, -1, force.tolist(), at, pybullet.WORLD_FRAME)
 
     @property
     def command(self) -> Array:

@@ -51,7 +51,8 @@ class Variants:
 
 
 def _bank(thing: Object, config: TaskConfig) -> GraspBank:
-    coarse = config.simulation.model_copy(update={"steps_per_second": MEASUREMENT_RATE})
+    plain = {"steps_per_second": MEASUREMENT_RATE, "engine": "bullet", "support": 0.0}
+    coarse = config.simulation.model_copy(update=plain)
     return grasps_of([thing], config.grasps, coarse, spread=config.grasp_spread)
 
 

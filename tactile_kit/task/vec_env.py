@@ -17,6 +17,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 import randomization
 from tactile_kit.hand.kinematics import JOINTS
+from tactile_kit.simulation.compiled import CompiledSimulation
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.simulation.vector import VectorSimulation
 from tactile_kit.task.actions import actions_of
@@ -83,6 +84,13 @@ class EpisodeResult:
     reward: float
 
 
+def simulation_of(core: Core, num_envs: int, num_workers: int) -> VectorSimulation | CompiledSimulation:
+    """The physics that the task's settings ask for."""
+    if core.config.simulation.engine == "compiled":
+        return CompiledSimulation(core.blueprint, core.meshes, num_envs, num_workers)
+    return VectorSimulation(core.blueprint, num_envs, num_workers)
+
+
 class ReorientVecEnv(VecEnv):
     """E environments of the reorientation task; the policy is told the true object pose (oracle).
 
@@ -124,7 +132,7 @@ class ReorientVecEnv(VecEnv):
         )
         self._listed = None if episodes is None else self._checked(list(episodes))
         self.gravity = config.gravity
-        self.simulation = VectorSimulation(core.blueprint, num_envs, num_workers)
+        self.simulation = simulation_of(core, num_envs, num_workers)
         self._drawn = np.zeros(num_envs, np.int64)  # training episodes announced so far
         self._sources = self._training_sources()
         self._spec: dict[int, EpisodeSpec] = {}  # of the present episode of every environment

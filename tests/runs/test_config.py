@@ -89,6 +89,16 @@ def test_differences_let_steps_grow_and_intervals_change() -> None:
     assert "num_envs: 8 -> 4" in lines
 
 
+def test_only_training_episodes_are_eased() -> None:
+    config = RunConfig.build({"episodes": {"engine": "compiled", "support": 150, "horizon": 40}})
+    eased = config.episodes.applied(config.task)
+    assert (eased.simulation.engine, eased.simulation.support, eased.horizon) == ("compiled", 150, 40)
+    assert eased.simulation.steps_per_second == config.task.simulation.steps_per_second
+    assert (config.task.simulation.engine, config.task.simulation.support) == ("bullet", 0)
+    with pytest.raises(ConfigError, match="bullet"):
+        RunConfig.build({"episodes": {"engine": "warp"}})
+
+
 def test_gravity_rises_in_stairs_to_its_end() -> None:
     gravity = RunConfig.build({"gravity": {"start": 1.0, "end": 9.81, "steps": 1000}}).gravity
     values = [gravity.at(step) for step in range(0, 1200)]

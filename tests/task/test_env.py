@@ -13,6 +13,7 @@ from stable_baselines3.common.env_checker import check_env as sb3_check
 
 import tactile_kit
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE
+from tactile_kit.task.env import ReorientEnv
 from tactile_kit.task.goals import EpisodeSpec
 from tactile_kit.task.rotations import exp, from_6d, geodesic
 
@@ -142,3 +143,8 @@ def test_pictures_show_hand_and_object(variants) -> None:
     env.close()
     with pytest.warns(UserWarning), pytest.raises(ValueError, match="render_mode"):
         gymnasium.make(tactile_kit.ENVIRONMENT, render_mode="ansi", disable_env_checker=True, **SETTINGS)
+
+
+def test_a_single_environment_is_bullets() -> None:
+    with pytest.raises(ValueError, match=r"engine = 'compiled'.*make_vec"):
+        ReorientEnv(**SETTINGS, simulation={"engine": "compiled"})
