@@ -1,4 +1,4 @@
-"""Writes the tables of docs/speed.md and docs/physics.md from results/benchmarks/*.json, between markers.
+"""Writes the tables of docs/{speed,physics,compiled}.md from results/benchmarks/*.json, between markers.
 
     python benchmarks/render.py [--check]
 
@@ -15,11 +15,12 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+import tables_compiled
 import tables_physics
 import tables_speed
 from record import RESULTS, ROOT
 
-PAGES = ("docs/speed.md", "docs/physics.md")
+PAGES = ("docs/speed.md", "docs/physics.md", "docs/compiled.md")
 BLOCK = re.compile(r"(<!-- bench (\w+):[^\n]*-->\n).*?(<!-- /bench -->)", re.DOTALL)
 # name of the block: its file in results/benchmarks and what renders it
 BLOCKS: dict[str, tuple[str, Callable[[dict[str, Any]], list[str]]]] = {
@@ -34,6 +35,9 @@ BLOCKS: dict[str, tuple[str, Callable[[dict[str, Any]], list[str]]]] = {
     "bfloat16": ("learners", tables_speed.bfloat16),
     "steps": ("physics", tables_physics.steps),
     "iterations": ("physics", tables_physics.iterations),
+    "compiled_speed": ("compiled", tables_compiled.speed),
+    "compiled_motion": ("compiled", tables_compiled.motion),
+    "compiled_ends": ("compiled", tables_compiled.ends),
     "steps_of_agent": ("steps_of_agent", tables_physics.agent),
 }
 

@@ -21,14 +21,25 @@ from tactile_kit.task.config import TaskConfig
 
 
 class GravityConfig(Settings):
-    """Gravity curriculum: a straight line over ``steps`` environment steps, then constant."""
+    """Gravity curriculum: a straight line over ``steps`` environment steps, then constant.
+
+    With ``drops`` below 1 it waits: only steps count during which at most that share of the last episodes was dropped,
+    and while more than twice as many are, it goes back.
+    """
 
     start: float = Field(9.81, gt=0, le=20, description="m/s^2 at step 0.")
     end: float = Field(9.81, gt=0, le=20, description="m/s^2 from ``steps`` on.")
     steps: int = Field(0, ge=0)
+    drops: float = Field(1.0, gt=0, le=1, description="Share of drops up to which it goes on.")
+
+    def after(self, counted: int, steps: int, drops: float | None) -> int:
+        """Steps that count after ``steps`` more, ``drops`` being the share dropped of late; ``counted`` did before."""
+        if drops is None or drops <= self.drops:
+            return counted + steps
+        return max(counted - steps, 0) if drops > 2.0 * self.drops else counted
 
     def at(self, step: int) -> float:
-        """Gravity (m/s^2) after ``step`` steps, in a hundred stairs so that it changes rarely."""
+        """Gravity (m/s^2) after ``step`` steps that count, in a hundred stairs so that it changes rarely."""
         stair = max(self.steps // 100, 1)
         return GravitySchedule(self.start, self.end, self.steps).at(step - step % stair)
 

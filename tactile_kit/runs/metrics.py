@@ -72,6 +72,12 @@ class Tracker(BaseCallback):
         self._terms, self._term_steps = {}, 0
         return line
 
+    @property
+    def drops(self) -> float | None:
+        """Share of the last episodes that ended in a drop or a fault; None before the first."""
+        window = self.window
+        return float(np.mean(window["drop"]) + np.mean(window["fault"])) if window["drop"] else None
+
     def state(self) -> dict[str, Any]:
         """JSON values for a checkpoint."""
         windows = {name: list(values) for name, values in self.window.items()}

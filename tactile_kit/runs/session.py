@@ -33,6 +33,8 @@ class Run:
     line: dict[str, Any] = field(default_factory=dict)  # the last line of metrics
     logged: int = 0  # environment steps at that line
     gravity: float | None = None  # last told to the environment
+    climbed: int = 0  # environment steps that count for the gravity curriculum
+    seen: int = 0  # environment steps when they were counted last
 
     def save(self) -> None:
         """A checkpoint of everything, then the exported agent. Raises OSError."""
@@ -47,6 +49,8 @@ class Run:
             "evaluation": self.evaluation,
             "line": self.line,
             "logged": self.logged,
+            "climbed": self.climbed,
+            "seen": self.seen,
             "torch_rng": torch.get_rng_state().tolist(),
         }
         tensors = {f"learner/{name}": tensor for name, tensor in tensors.items()}
@@ -89,12 +93,18 @@ class Run:
             torch.set_rng_state(torch.tensor(values["torch_rng"], dtype=torch.uint8))
             for name in ("hours", "warm_start", "evaluation", "line", "logged"):
                 setattr(self, name, values[name])
+            # checkpoints from before curricula waited counted every step
+            self.climbed = values.get("climbed", self.learner.num_timesteps)
+            self.seen = values.get("seen", self.learner.num_timesteps)
         except (KeyError, TypeError, ValueError, RuntimeError) as problem:
             raise CheckpointError(f"{saved.path}: does not fit this run: {problem}") from problem
 
     def apply_gravity(self) -> None:
         """Gravity of the curriculum at the present step, for the episodes to come."""
-        wanted = self.config.gravity.at(self.learner.num_timesteps)
+        step = self.learner.num_timesteps
+        self.climbed = self.config.gravity.after(self.climbed, step - self.seen, self.tracker.drops)
+        self.seen = step
+        wanted = self.config.gravity.at(self.climbed)
         if wanted != self.gravity:
             self.gravity = wanted
             self.env.set_gravity(wanted)

@@ -106,6 +106,15 @@ def test_gravity_rises_in_stairs_to_its_end() -> None:
     assert len(set(values)) == 101 and values == sorted(values)
 
 
+def test_gravity_waits_while_too_much_is_dropped() -> None:
+    gravity = RunConfig.build({"gravity": {"start": 1.0, "steps": 1000, "drops": 0.1}}).gravity
+    assert gravity.after(300, 50, None) == gravity.after(300, 50, 0.1) == 350
+    assert gravity.after(300, 50, 0.11) == gravity.after(300, 50, 0.2) == 300
+    assert gravity.after(300, 50, 0.21) == 250 and gravity.after(30, 50, 0.9) == 0
+    steady = RunConfig.build({"gravity": {"start": 1.0, "steps": 1000}}).gravity
+    assert steady.after(300, 50, 1.0) == 350
+
+
 def test_settings_do_not_import_torch() -> None:
     code = (
         "import sys, tactile_kit.runs; tactile_kit.runs.RunConfig.preset('sac-smoke'); "
