@@ -165,6 +165,7 @@ def evaluation_task(
             "steps_per_second": steps_per_second,
             "engine": "bullet",
             "support": 0.0,
+            "drag": 0.0,
         },
     }
     try:

@@ -21,7 +21,7 @@ from tactile_kit.task.config import TaskConfig
 
 
 class GravityConfig(Settings):
-    """Gravity curriculum: a straight line over ``steps`` environment steps, then constant.
+    """Gravity curriculum: a straight (or ``geometric``) line over ``steps`` environment steps, then constant.
 
     With ``drops`` below 1 it waits: only steps count during which at most that share of the last episodes was dropped,
     and while more than twice as many are, it goes back.
@@ -31,6 +31,7 @@ class GravityConfig(Settings):
     end: float = Field(9.81, gt=0, le=20, description="m/s^2 from ``steps`` on.")
     steps: int = Field(0, ge=0)
     drops: float = Field(1.0, gt=0, le=1, description="Share of drops up to which it goes on.")
+    geometric: bool = Field(False, description="By equal factors instead of equal steps.")
 
     def after(self, counted: int, steps: int, drops: float | None) -> int:
         """Steps that count after ``steps`` more, ``drops`` being the share dropped of late; ``counted`` did before."""
@@ -41,7 +42,10 @@ class GravityConfig(Settings):
     def at(self, step: int) -> float:
         """Gravity (m/s^2) after ``step`` steps that count, in a hundred stairs so that it changes rarely."""
         stair = max(self.steps // 100, 1)
-        return GravitySchedule(self.start, self.end, self.steps).at(step - step % stair)
+        step -= step % stair
+        if self.geometric and step < self.steps:
+            return float(self.start * (self.end / self.start) ** (step / self.steps))
+        return GravitySchedule(self.start, self.end, self.steps).at(step)
 
 
 class EvaluationConfig(Settings):
@@ -72,11 +76,14 @@ class EpisodesConfig(Settings):
     grasp_spread: float | None = Field(None, ge=0, le=0.5, description="How far grasps stray, rad.")
     engine: Literal["bullet", "compiled"] | None = Field(None, description="Physics to train in.")
     support: float | None = Field(None, ge=0, le=1000, description="Spring while gravity is low, N/m.")
+    drag: float | None = Field(None, ge=0, le=100, description="Thick air while gravity is low, 1/s.")
 
     def applied(self, task: TaskConfig) -> TaskConfig:
         """The task as training plays it."""
         own = self.model_dump(exclude_none=True)
-        physics: dict[str, Any] = {name: own.pop(name) for name in ("engine", "support") if name in own}
+        physics: dict[str, Any] = {
+            name: own.pop(name) for name in ("engine", "support", "drag") if name in own
+        }
         return task.model_copy(update={**own, "simulation": task.simulation.model_copy(update=physics)})
 
 

@@ -49,6 +49,12 @@ class SimulationConfig(BaseModel):
         le=1000,
         description="spring to the object's first place without gravity, N/m; fades as gravity rises",
     )
+    drag: float = Field(
+        default=0.0,
+        ge=0,
+        le=100,
+        description="rate at which the object's motion dies down without gravity, 1/s; fades as gravity rises",
+    )
 
     @property
     def time_step(self) -> float:

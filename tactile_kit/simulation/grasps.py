@@ -180,7 +180,9 @@ def find_grasps(
 
 
 def _bank_file(thing: Object, count: int, seed: int, config: SimulationConfig, spread: float) -> Path:
-    physics = config.model_dump(exclude={"engine", "support"})  # grasps are found in Bullet, without support
+    physics = config.model_dump(
+        exclude={"engine", "support", "drag"}
+    )  # grasps are found in Bullet, without support
     settings = json.dumps(
         [RECIPE, thing.digest, count, seed, spread, physics, urdf.hand_urdf()], sort_keys=True
     )

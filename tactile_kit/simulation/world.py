@@ -17,7 +17,7 @@ from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.client import Client
 from tactile_kit.simulation.config import SAMPLES, SimulationConfig
 from tactile_kit.simulation.hand import Hand
-from tactile_kit.simulation.support import calm_of, stiffness_of
+from tactile_kit.simulation.support import drag_of, stiffness_of
 from tactile_kit.task.rotations import to_quaternion
 
 Array = NDArray[np.float64]
@@ -105,10 +105,8 @@ class World:
         impedance = Impedance(physics["kp"], physics["kd"], physics["series_stiffness"])
         self.controller = ImpedanceController(impedance, self.config.time_step, self.physics["gravity"])
         self._offset = np.asarray(physics["joint_offset"], dtype=np.float64)
-        self._support = stiffness_of(self.config.support, self.physics["gravity"])
-        if self._support:
-            calm = 1.0 - math.exp(-calm_of(self.config.support, self.physics["gravity"]))
-            bullet.changeDynamics(self.object, -1, linearDamping=calm, angularDamping=calm)
+        self._support = stiffness_of(self.config, self.physics["gravity"])
+        self._kept = math.exp(-drag_of(self.config, self.physics["gravity"]) * self.config.time_step)
         self.disturb(np.zeros(3), np.zeros(3))
 
     def _build(self) -> Hand:
@@ -185,8 +183,8 @@ class World:
                 # the encoders' offset shifts what the controller holds
                 command = self._filter.update(target) - self._offset
                 hand.drive(self.controller.torques(self.joints, self.speeds, command))
-                if self._support:
-                    self._pull_back()
+                if self._support or self._kept < 1.0:
+                    self._ease()
                 if self._torque is not None:
                     bullet.applyExternalTorque(self.object, -1, self._torque, pybullet.WORLD_FRAME)
                 bullet.stepSimulation()
@@ -198,7 +196,12 @@ class World:
             self.hand = None  # what is not finite stays in Bullet's memory: build the scene anew
             raise PhysicsFault(f"joint speed {fastest:.3g} rad/s, object at {self.position}")
 
-    def _pull_back(self) -> None:
+    def _ease(self) -> None:
+        if self._kept < 1.0:  # Bullet's own damping of such a body is a rate of 1/s at most
+            velocity, spin = (np.array(v) for v in self.bullet.getBaseVelocity(self.object))
+            self.bullet.resetBaseVelocity(
+                self.object, (self._kept * velocity).tolist(), (self._kept * spin).tolist()
+            )
         at, _ = self.bullet.getBasePositionAndOrientation(self.object)
         force = self._support * (self._place - at)
         self.bullet.applyExternalForce(self.object, -1, force.tolist(), at, pybullet.WORLD_FRAME)

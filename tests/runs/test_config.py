@@ -90,9 +90,10 @@ def test_differences_let_steps_grow_and_intervals_change() -> None:
 
 
 def test_only_training_episodes_are_eased() -> None:
-    config = RunConfig.build({"episodes": {"engine": "compiled", "support": 150, "horizon": 40}})
+    config = RunConfig.build({"episodes": {"engine": "compiled", "support": 150, "drag": 9, "horizon": 40}})
     eased = config.episodes.applied(config.task)
     assert (eased.simulation.engine, eased.simulation.support, eased.horizon) == ("compiled", 150, 40)
+    assert eased.simulation.drag == 9 and config.task.simulation.drag == 0
     assert eased.simulation.steps_per_second == config.task.simulation.steps_per_second
     assert (config.task.simulation.engine, config.task.simulation.support) == ("bullet", 0)
     with pytest.raises(ConfigError, match="bullet"):
@@ -104,6 +105,13 @@ def test_gravity_rises_in_stairs_to_its_end() -> None:
     values = [gravity.at(step) for step in range(0, 1200)]
     assert values[0] == 1.0 and values[1000] == values[-1] == 9.81
     assert len(set(values)) == 101 and values == sorted(values)
+
+
+def test_gravity_rises_by_equal_factors() -> None:
+    data = {"gravity": {"start": 0.1, "end": 8.1, "steps": 1000, "geometric": True}}
+    gravity = RunConfig.build(data).gravity
+    assert gravity.at(0) == pytest.approx(0.1) and gravity.at(500) == pytest.approx(0.9)
+    assert gravity.at(1000) == gravity.at(5000) == 8.1
 
 
 def test_gravity_waits_while_too_much_is_dropped() -> None:

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -244,7 +249,7 @@ def test_support_holds_what_no_finger_does(play, engine):
     opened = np.tile(kinematics.MEAN_GRASP - np.tile([0.0, 0.5, 0.3], 4), (COUNT, 1))
     ends = {}
     for support in (0.0, 200.0):
-        simulation = play(engine, gravity=2.0, support=support)
+        simulation = play(engine, gravity=2.0, support=support, drag=support / 10)
         start = simulation.views["x0"].copy()
         rows = advance(simulation, np.tile(opened, (30, 1, 1)))
         ends[support] = np.where(rows[-1]["over"][:, None], 1.0, np.abs(rows[-1]["x"] - start))
@@ -256,6 +261,52 @@ def test_full_gravity_knows_no_support(play):
     """At the earth's gravity support changes nothing, to the bit."""
     rows = []
     for support in (0.0, 200.0):
-        simulation = play("compiled", support=support)
+        simulation = play("compiled", support=support, drag=support / 10)
         rows.append(advance(simulation, wander(command(simulation), 6, 0.1))[-1])
     np.testing.assert_array_equal(rows[0]["x"], rows[1]["x"])
+
+
+CODE = """
+import hashlib
+import numpy as np
+import tactile_kit
+from tactile_kit.simulation.compiled import kernel
+env = tactile_kit.make_vec(
+    objects="cube", randomization="none", grasps=2, num_envs=8, simulation={"engine": "compiled"}
+)
+env.reset()
+digest, generator = hashlib.sha256(), np.random.default_rng(0)
+for _ in range(10):
+    env.step(generator.uniform(-0.6, 0.2, (8, 12)).astype(np.float32))
+    digest.update(env.state.x.tobytes() + env.state.z.tobytes())
+print(sum(kernel.control_step.stats.cache_hits.values()), digest.hexdigest())
+"""
+
+
+def test_a_fresh_compilation_moves_as_the_one_on_disk(tmp_path: Path, own_cache: None) -> None:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", CODE]
+    said = [
+        subprocess.run(
+            command, capture_output=True, text=True, timeout=240, check=True, env=environment
+        ).stdout.split()
+        for _ in range(2)
+    ]
+    assert [hits for hits, _ in said] == ["0", "1"]
+    assert said[0][1] == said[1][1]
+
+
+@pytest.mark.parametrize("engine", ["compiled", "bullet"])
+def test_in_thick_air_things_sink_slowly(play, engine):
+    """At the speed at which drag carries the weight, some 11 mm/s here."""
+    opened = np.tile(kinematics.MEAN_GRASP - np.tile([0.0, 0.5, 0.3], 4), (COUNT, 1))
+    simulation = play(engine, gravity=0.25, drag=20.0)
+    start = simulation.views["x0"].copy()
+    rows = advance(simulation, np.tile(opened, (25, 1, 1)))
+    still = ~rows[-1]["over"]  # fingers that open throw some
+    assert still.mean() > 0.7
+    speed = ((rows[9]["x"] - rows[24]["x"])[:, 2] / 1.5)[still]
+    kept = np.exp(-20 * (1 - 0.25 / 9.81) / 60)
+    after = {"compiled": kept, "bullet": 1.0}[engine]  # drag comes after gravity, or before
+    assert np.median(speed) == pytest.approx(after * 0.25 / 60 / (1 - kept), rel=0.05)
+    assert np.median((start - rows[-1]["x"])[still, 2]) > 0.02

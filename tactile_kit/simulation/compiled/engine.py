@@ -35,7 +35,7 @@ from tactile_kit.simulation.simulator import (
     Status,
     dropped,
 )
-from tactile_kit.simulation.support import calm_of, stiffness_of
+from tactile_kit.simulation.support import drag_of, stiffness_of
 from tactile_kit.simulation.worker import FIELDS, Blueprint
 from tactile_kit.simulation.world import MAX_JOINT_SPEED
 
@@ -130,8 +130,8 @@ class CompiledSimulation:
         row[k.TIP_FRICTION], row[k.LINK_FRICTION] = physics["tip_friction"], physics["link_friction"]
         row[k.SPIN_FRICTION] = physics["spinning_friction"]
         row[k.LIMIT], row[k.GIVE] = TORQUE_LIMIT / stiffness, 1.0 - impedance.ratio
-        row[k.SUPPORT] = stiffness_of(config.support, gravity)
-        row[k.KEEP] = math.exp(-calm_of(config.support, gravity) * config.time_step)
+        row[k.SUPPORT] = stiffness_of(config, gravity)
+        row[k.KEEP] = math.exp(-drag_of(config, gravity) * config.time_step)
         row[k.FORCE : k.FORCE + 3] = row[k.TORQUE : k.TORQUE + 3] = 0.0
         row[k.MOMENTS : k.MOMENTS + 3], row[k.PLACE : k.PLACE + 3] = body.moments * mass, place
         k.measure(self._q[e], self._filtered[e], self._offset[e], row, self._noise[e, 0], self._z[e, 0])
