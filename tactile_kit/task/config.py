@@ -81,10 +81,9 @@ class TaskConfig(Settings):
     goals: Literal["so3", "octahedral"] = Field(default="so3", description="where goals are drawn from")
     horizon: int = Field(default=100, ge=1, le=10000, description="actions an episode, 0.1 s each")
     success_angle: float = Field(default=0.4, gt=0, description="largest final angle of a success, rad")
-    action: Literal["absolute", "relative", "increment", "gait"] = Field(
+    action: Literal["absolute", "relative", "increment"] = Field(
         default="absolute",
-        description="target joint angles, steps from the measured ones, steps from the filtered command, or a finger "
-        "gait (tactile_kit.planning.actions)",
+        description="target joint angles, steps from the measured ones, or steps from the filtered command",
     )
     grasps: int = Field(default=8, ge=1, le=1000, description="initial grasps a variant")
     grasp_spread: float = Field(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import randomization
 from tactile_kit.hand.kinematics import JOINTS
 from tactile_kit.simulation.simulator import Status
-from tactile_kit.task.actions import actions_of
+from tactile_kit.task.actions import for_simulator
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
 from tactile_kit.task.goals import EpisodeSpec, training_episodes
@@ -50,7 +50,6 @@ class ReorientEnv(gymnasium.Env):
         self.action_space = spaces.Box(-1.0, 1.0, (JOINTS,), np.float32)
         self._z = np.zeros(144, np.float32)
         self._x, self._R, self._q = np.zeros(3), np.eye(3), np.zeros(JOINTS)
-        self._actions = actions_of(self.config, 1)
         self._episodes: Iterator[EpisodeSpec] | None = None
 
     def reset(
@@ -74,20 +73,13 @@ class ReorientEnv(gymnasium.Env):
         self.simulator.reset(spec.variant, spec.seed, self.config.gravity)
         self._read()
         self._x0 = self._x.copy()
-        if self._actions is not None:
-            self._actions.begin(np.ones(1, bool))
         return self._observe(), {"episode_spec": spec, "randomization": self.simulator.physics}
 
     def step(self, action: NDArray) -> tuple[NDArray, float, bool, bool, dict[str, Any]]:
         """Play one action; 0.1 s."""
         R_before, x_before = self._R.copy(), self._x.copy()
         action = np.asarray(action, dtype=np.float64)
-        if self._actions is not None:
-            belief = self._belief()
-            action = self._actions(action[None], self._z[None], belief.x, belief.R, self.spec_now.goal[None])[
-                0
-            ]
-        status = self.simulator.step(action)
+        status = self.simulator.step(for_simulator(self.config, action[None], self._z[None])[0])
         self._read()
         terminated = status in (Status.DROP, Status.FAULT)
         terms = reward_terms(

@@ -20,7 +20,7 @@ from tactile_kit.hand.kinematics import JOINTS
 from tactile_kit.simulation.compiled import CompiledSimulation
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.simulation.vector import VectorSimulation
-from tactile_kit.task.actions import actions_of
+from tactile_kit.task.actions import for_simulator
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
 from tactile_kit.task.goals import EpisodeSpec, draw_goal, training_episodes
@@ -143,7 +143,6 @@ class ReorientVecEnv(VecEnv):
         self.belief = Belief(
             np.zeros((num_envs, 3), np.float32), np.tile(np.eye(3, dtype=np.float32), (num_envs, 1, 1))
         )
-        self.actions = actions_of(config, num_envs)
         self.transition: Transition | None = None
         self.episode_count = 0
 
@@ -228,8 +227,6 @@ class ReorientVecEnv(VecEnv):
             getattr(state, name)[mask] = views[name + "0"][mask]
         state.x0[mask], state.R0[mask] = views["x0"][mask], views["R0"][mask]
         state.elapsed[mask] = 0
-        if self.actions is not None:
-            self.actions.begin(mask)
         theta = geodesic(state.R, state.goal)
         self._theta_min = np.where(mask, theta, self._theta_min)
         self._return = np.where(mask, 0.0, self._return)
@@ -275,9 +272,7 @@ class ReorientVecEnv(VecEnv):
 
     def step_async(self, actions: Array) -> None:
         """Send actions ``(E, 12)`` in [-1, 1] to the workers."""
-        if self.actions is not None:
-            actions = self.actions(actions, self.state.z, self.belief.x, self.belief.R, self.state.goal)
-        self.simulation.views["action"][:] = actions
+        self.simulation.views["action"][:] = for_simulator(self.config, actions, self.state.z)
         self.simulation.step_async()
 
     def step_wait(self) -> tuple[Array, Array, Array, list[dict[str, Any]]]:

@@ -8,7 +8,7 @@ import pytest
 
 from tactile_kit.hand.kinematics import JOINT_LOWER, JOINT_UPPER, MEAN_GRASP
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE
-from tactile_kit.task.actions import Increments, actions_of, measured
+from tactile_kit.task.actions import for_simulator, incremented, measured
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.vec_env import ReorientVecEnv
 
@@ -22,11 +22,7 @@ def measurements(q: np.ndarray, e: np.ndarray) -> np.ndarray:
 
 def asked(actions: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Target joint angles ``(E, 12)`` rad."""
-    E = len(z)
-    out = Increments()(
-        actions, z, np.zeros((E, 3)), np.tile(np.eye(3), (E, 1, 1)), np.tile(np.eye(3), (E, 1, 1))
-    )
-    return MIDDLE + FULL_RANGE * out
+    return MIDDLE + FULL_RANGE * incremented(actions, z)
 
 
 def test_the_command_is_what_is_measured_and_what_it_lags_behind_by() -> None:
@@ -53,7 +49,8 @@ def test_an_action_that_is_not_finite_stays_so() -> None:
 
 @pytest.mark.parametrize("kind", ["absolute", "relative"])
 def test_the_simulator_s_own_actions_need_nothing(kind: str) -> None:
-    assert actions_of(TaskConfig(action=kind), 3) is None
+    actions = np.full((3, 12), 0.3)
+    assert for_simulator(TaskConfig(action=kind), actions, np.ones((3, 144), np.float32)) is actions
 
 
 def test_a_resting_hand_holds_in_both_environments(own_cache: None) -> None:
