@@ -266,6 +266,57 @@ def test_full_gravity_knows_no_support(play):
     np.testing.assert_array_equal(rows[0]["x"], rows[1]["x"])
 
 
+# the second and third finger would be 1 cm apart
+CROSSED = kinematics.MEAN_GRASP.copy()
+CROSSED[3:9] = [-0.5, 0.9, 0.6, 0.5, 0.9, 0.6]
+
+
+def test_fingers_do_not_pass_through_each_other(play):
+    simulation = play("compiled", count=4)
+    simulation._place[:] = [0.0, 0.0, 2.0]  # nothing between them
+    simulation._parameters[:, k.GRAVITY] = 0.0
+    advance(simulation, np.tile(CROSSED, (12, 4, 1)))
+    tips = kinematics.tip_centres(simulation._q[0].ravel())
+    assert np.linalg.norm(tips[1] - tips[2]) > 2 * kinematics.DISTAL.capsule.radius - 1e-3
+
+
+INTERPRETED = """
+import sys
+import numpy as np
+from tactile_kit.simulation.compiled import kernel
+data = np.load(sys.argv[1])
+given = [tuple(data[f"hand{i}"] for i in range(10)) if n == 7 else data[f"{n}"] for n in range(28)]
+assert not hasattr(kernel.control_step, "py_func")
+kernel.control_step(*(int(g) if n in (0, 1, 4, 5) else g for n, g in enumerate(given)))
+np.savez(sys.argv[2], **{f"{n}": g for n, g in enumerate(given) if n != 7})
+"""
+
+
+def test_compiled_it_computes_what_it_says(play, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same step by the interpreter, with fingers at the object and at each other."""
+    simulation = play("compiled", preset="default", count=4)
+    towards = np.tile(kinematics.MEAN_GRASP + np.tile([0.0, 0.6, 0.4], 4), (4, 1))
+    towards[2] = CROSSED
+    simulation._place[2, 2], simulation._parameters[2, k.GRAVITY] = 2.0, 0.0
+    advance(simulation, np.tile(towards, (8, 1, 1)))
+    calls, compiled = [], k.control_step
+    monkeypatch.setattr(k, "control_step", lambda *given: calls.append(given))
+    advance(simulation, towards[None])
+    (given,) = calls
+    arrays = {f"{n}": g for n, g in enumerate(given) if n != 7}
+    np.savez(tmp_path / "in.npz", **arrays, **{f"hand{i}": table for i, table in enumerate(given[7])})
+    compiled(*given)
+    subprocess.run(
+        [sys.executable, "-c", INTERPRETED, tmp_path / "in.npz", tmp_path / "out.npz"],
+        timeout=240, check=True, env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+    )  # fmt: skip
+    with np.load(tmp_path / "out.npz") as slow, np.load(tmp_path / "in.npz") as before:
+        changed = [n for n in before.files if n in slow.files and not np.array_equal(before[n], slow[n])]
+        assert len(changed) >= 8  # command, joints, speeds, pose, twist, impulses, measurements
+        for n in changed:
+            np.testing.assert_allclose(slow[n], given[int(n)], rtol=1e-5, atol=1e-7)
+
+
 CODE = """
 import hashlib
 import numpy as np
