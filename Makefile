@@ -46,7 +46,7 @@ test: setup  ## all tests
 	OMP_NUM_THREADS=1 MPLBACKEND=Agg $(BIN)/python -m pytest -n $(JOBS) $(PYTEST_ARGS)
 
 # Each package for itself: a well tested one must not make up for another.
-coverage: setup  ## lines that the tests run, at least 90 % of each package; half an hour on two cores
+coverage: setup  ## lines that the tests run, at least 90 % of each package; a quarter of an hour on two cores
 	@mkdir -p .cache
 	OMP_NUM_THREADS=1 MPLBACKEND=Agg $(BIN)/python -m pytest -n $(JOBS) -o timeout=1200 \
 		--cov --cov-report= --cov-fail-under=0 $(PYTEST_ARGS)
