@@ -42,10 +42,8 @@ class GravityConfig(Settings):
     def at(self, step: int) -> float:
         """Gravity (m/s^2) after ``step`` steps that count, in a hundred stairs so that it changes rarely."""
         stair = max(self.steps // 100, 1)
-        step -= step % stair
-        if self.geometric and step < self.steps:
-            return float(self.start * (self.end / self.start) ** (step / self.steps))
-        return GravitySchedule(self.start, self.end, self.steps).at(step)
+        schedule = GravitySchedule(self.start, self.end, self.steps, self.geometric)
+        return schedule.at(step - step % stair)
 
 
 class EvaluationConfig(Settings):

@@ -202,6 +202,8 @@ class World:
             self.bullet.resetBaseVelocity(
                 self.object, (self._kept * velocity).tolist(), (self._kept * spin).tolist()
             )
+        if not self._support:
+            return
         at, _ = self.bullet.getBasePositionAndOrientation(self.object)
         force = self._support * (self._place - at)
         self.bullet.applyExternalForce(self.object, -1, force.tolist(), at, pybullet.WORLD_FRAME)

@@ -202,3 +202,10 @@ def test_bad_gravity_is_refused(bad):
         GravitySchedule(**bad)
     with pytest.raises(RandomizationError, match="step"):
         GravitySchedule().at(-1)
+
+
+def test_gravity_by_equal_factors_needs_a_start_above_nothing() -> None:
+    schedule = GravitySchedule(0.1, 8.1, 1000, geometric=True)
+    assert schedule.at(500) == pytest.approx(0.9) and schedule.at(1000) == 8.1
+    with pytest.raises(RandomizationError, match="more than 0"):
+        GravitySchedule(0.0, 9.81, 1000, geometric=True)

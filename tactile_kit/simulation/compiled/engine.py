@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 import randomization
 from tactile_kit.hand import kinematics
@@ -38,6 +37,7 @@ from tactile_kit.simulation.simulator import (
 from tactile_kit.simulation.support import drag_of, stiffness_of
 from tactile_kit.simulation.worker import FIELDS, Blueprint
 from tactile_kit.simulation.world import MAX_JOINT_SPEED
+from tactile_kit.task.rotations import from_quaternion, to_quaternion
 
 Array = NDArray[np.float64]
 ITERATIONS = 20  # at most: rows that begin with the last step's impulses need fewer than Bullet's
@@ -115,7 +115,7 @@ class CompiledSimulation:
         number = int(randomization.stream(seed, "grasp").integers(blueprint.bank.count(variant)))
         grasp = blueprint.bank.grasp(variant, number)
         place, rotation = body.to_bullet(grasp.position, grasp.rotation)
-        self._place[e], self._quaternion[e] = place, Rotation.from_matrix(rotation).as_quat()
+        self._place[e], self._quaternion[e] = place, to_quaternion(rotation)
         self._velocity[e], self._dq[e], self._memory[e], self._noise[e] = 0.0, 0.0, 0.0, 0.0
         self._q[e] = grasp.joints[kinematics.DRIVEN_INDEX].reshape(FINGER)
         self._filtered[e] = self._target[e] = grasp.command.reshape(FINGER)
@@ -229,7 +229,7 @@ class CompiledSimulation:
             return
         views["z" + suffix][which] = self._z[which].reshape(len(which), -1)
         views["q" + suffix][which] = self._q[which].reshape(len(which), -1)
-        rotation = Rotation.from_quat(self._quaternion[which]).as_matrix()
+        rotation = from_quaternion(self._quaternion[which])
         place = self._place[which]
         for variant in np.unique(self._variant[which]).tolist():
             body, own = self.blueprint.bodies[variant], np.flatnonzero(self._variant[which] == variant)
