@@ -30,6 +30,9 @@ class PPOConfig(Settings):
     epochs: PositiveInt = Field(5, description="Passes over a roll-out (own choice).")
     learning_rate: PositiveFloat = Field(3e-4, description="At the start; then adapted on the KL divergence.")
     learning_rate_bounds: tuple[PositiveFloat, PositiveFloat] = (1e-6, 1e-2)
+    critic_learning_rate: PositiveFloat | None = Field(
+        None, description="The critic's own, which stays; None: it follows the actor's (rl_games)."
+    )
     kl_threshold: PositiveFloat = 0.016
     clip: PositiveFloat = 0.2
     entropy: float = Field(1e-3, ge=0)
@@ -41,6 +44,7 @@ class PPOConfig(Settings):
     log_std: float = Field(
         -0.5, description="Initial log sigma of the actions, state-independent (own choice)."
     )
+    keep_sigma: bool = Field(True, description="A warm start takes over its source's sigma; false: log_std.")
     noise_correlation: float = Field(
         0.0, ge=0, lt=1, description="Correlation of the noise from one action to the next (own choice)."
     )

@@ -25,7 +25,8 @@ from tactile_kit.agents.networks import (
 class HandActorCriticPolicy(ActorCriticPolicy):
     """PPO's policy: separate actor and critic on the same observation, sigma independent of the state.
 
-    Args beyond SB3's: ``layout``, ``actor`` and ``critic`` layers, ``bounded``, ``log_std`` and ``rest`` of the actor.
+    Args beyond SB3's: ``layout``, ``actor`` and ``critic`` layers, ``bounded``, ``log_std`` and ``rest`` of the actor,
+    ``critic_rate``, the critic's own learning rate (None: one rate for both).
     """
 
     def __init__(
@@ -40,9 +41,10 @@ class HandActorCriticPolicy(ActorCriticPolicy):
         bounded: bool,
         log_std: float,
         rest: tuple[float, ...] | None = None,
+        critic_rate: float | None = None,
         **kwargs: Any,
     ) -> None:
-        self._networks = (layout, actor, critic, bounded, log_std, rest)
+        self._networks = (layout, actor, critic, bounded, log_std, rest, critic_rate)
         super().__init__(
             observation_space,
             action_space,
@@ -54,7 +56,7 @@ class HandActorCriticPolicy(ActorCriticPolicy):
         )
 
     def _build(self, lr_schedule: Schedule) -> None:
-        layout, actor, critic, bounded, log_std, rest = self._networks
+        layout, actor, critic, bounded, log_std, rest, critic_rate = self._networks
         size = int(self.action_space.shape[0])  # type: ignore[index]
         # SB3 makes one extractor; the critic gets its own, around the same statistics
         own = self.features_extractor
@@ -65,7 +67,13 @@ class HandActorCriticPolicy(ActorCriticPolicy):
         )
         self.critic = ValueNetwork(other, critic)
         self.log_std = self.actor.log_std  # SB3 logs its mean
-        self.optimizer = self.optimizer_class(self.parameters(), lr=lr_schedule(1), **self.optimizer_kwargs)
+        groups: list[dict[str, Any]] = [{"params": list(self.parameters())}]
+        if critic_rate is not None:
+            groups = [
+                {"params": list(self.actor.parameters())},
+                {"params": list(self.critic.parameters()), "lr": critic_rate},
+            ]
+        self.optimizer = self.optimizer_class(groups, lr=lr_schedule(1), **self.optimizer_kwargs)
 
     @property
     def norm(self) -> RunningNorm:

@@ -106,6 +106,7 @@ class PPO(stable_baselines3.PPO):
             "bounded": config.bounded_mean,
             "log_std": config.log_std,
             "rest": rest,
+            "critic_rate": config.critic_learning_rate,
             "optimizer_kwargs": {"fused": True, "eps": 1e-8, "weight_decay": config.weight_decay},
         }
         with torch.random.fork_rng(devices=[]):
@@ -194,7 +195,6 @@ class PPO(stable_baselines3.PPO):
         left_over, narrower = self._left_over.flatten(0, 1), math.log(self._new)
         inputs = self.policy.norm(observations)  # frozen during the update: once is enough
         actor, critic, optimizer = self.policy.actor, self.policy.critic, self.policy.optimizer
-        parameters = [p for group in optimizer.param_groups for p in group["params"]]
         with torch.no_grad():
             old_log_std = actor.log_std.clone()
             old_means = torch.cat(
@@ -227,7 +227,8 @@ class PPO(stable_baselines3.PPO):
                     self._means.add(clone_distance=apart)
                 optimizer.zero_grad()
                 loss.backward()
-                torch.nn.utils.clip_grad_norm_(parameters, config.max_gradient_norm)
+                for group in optimizer.param_groups:
+                    torch.nn.utils.clip_grad_norm_(group["params"], config.max_gradient_norm)
                 with torch.no_grad():
                     divergence = gaussian_divergence(
                         mean, log_std + narrower, old_means[at], old_log_std + narrower
@@ -236,8 +237,7 @@ class PPO(stable_baselines3.PPO):
                     self.rate = adapted_rate(
                         self.rate, float(divergence), config.kl_threshold, config.learning_rate_bounds
                     )
-                for group in optimizer.param_groups:
-                    group["lr"] = self.rate
+                optimizer.param_groups[0]["lr"] = self.rate
                 optimizer.step()
                 self._n_updates += 1
                 fraction = ((ratio - 1.0).abs() > config.clip).float().mean()

@@ -101,6 +101,8 @@ def warm_start(learner, directory: str | Path, encoding: str) -> dict:
     changed = frozenset() if manifest.encoding == encoding else frozenset({"shape"})
     tensors = read_tensors(directory / "policy.safetensors", manifest.weights["policy.safetensors"])
     left = [f"policy/{name}" for name in transplant(actor, tensors, old, learner.input_layout, changed)]
+    if learner.algorithm == "ppo" and not learner.config.keep_sigma:
+        actor.log_std.data.fill_(learner.config.log_std)
     name = "critic.safetensors"
     if name in manifest.weights and manifest.algorithm == learner.algorithm:
         tensors = read_tensors(directory / name, manifest.weights[name])

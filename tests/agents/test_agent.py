@@ -207,6 +207,16 @@ def test_warm_start_from_sac_to_ppo_keeps_the_actions(tmp_path: Path) -> None:
     np.testing.assert_allclose(got, wanted, atol=1e-6)
 
 
+@pytest.mark.parametrize("kept", [True, False])
+def test_a_warm_started_ppo_keeps_sigma_unless_told_otherwise(tmp_path: Path, kept: bool) -> None:
+    source = export(tmp_path, "ppo")
+    learner = make_learner(config("ppo", **{"ppo.log_std": -2.5, "ppo.keep_sigma": kept}), ToyEnv(8))
+    warm_start(learner, tmp_path, "none")
+    wanted = source.policy.actor.log_std if kept else torch.full((12,), -2.5)
+    assert torch.equal(learner.policy.actor.log_std, wanted)
+    assert not torch.equal(source.policy.actor.log_std, torch.full((12,), -2.5))
+
+
 def test_warm_start_with_another_encoding_forgets_the_shape_only(tmp_path: Path) -> None:
     source = export(tmp_path)
     learner = make_learner(config(), ToyEnv(8))

@@ -61,6 +61,19 @@ def test_ppo_with_correlated_noise_improves() -> None:
     assert first > 1.2 and last < 0.95
 
 
+def test_the_critic_may_keep_a_learning_rate_of_its_own() -> None:
+    """The actor's follows the divergence as before; a checkpoint keeps both."""
+    config = PPO_TOY.model_copy(update={"critic_learning_rate": 7e-4})
+    learner = PPO(ToyEnv(32, seed=1), config, seed=0)
+    assert run(learner, 30)[1] < 0.95
+    actor, critic = learner.policy.optimizer.param_groups
+    assert critic["lr"] == 7e-4 and actor["lr"] == learner.rate != config.learning_rate
+    assert len(actor["params"]) + len(critic["params"]) == len(list(learner.policy.parameters()))
+    again = PPO(ToyEnv(32, seed=1), config, seed=1)
+    again.restore(*learner.state())
+    assert [group["lr"] for group in again.policy.optimizer.param_groups] == [learner.rate, 7e-4]
+
+
 def test_ppos_noise_is_as_correlated_and_as_large_as_asked() -> None:
     """Over whole episodes; and the stored density is that of the action given the noise left over."""
     config = PPO_TOY.model_copy(update={"noise_correlation": 0.7, "rollout": 128})
