@@ -146,7 +146,7 @@ def evaluation_task(
 ) -> Any:
     """The ``TaskConfig`` an agent trained under ``trained`` is evaluated under: its inputs, actions and hand; all else
     is the same for every agent."""
-    changes = {
+    changes: dict[str, Any] = {
         "objects": objects,
         "scaling": scaling,
         "variants": sizes,
@@ -160,15 +160,9 @@ def evaluation_task(
         "grasps": GRASPS,
         "grasp_spread": 0.0,
         "goal_every": 0,
-        "simulation": {
-            **trained.simulation.model_dump(),
-            "steps_per_second": steps_per_second,
-            "engine": "bullet",
-            "support": 0.0,
-            "drag": 0.0,
-        },
     }
     try:
+        changes["simulation"] = trained.simulation.plain(steps_per_second)
         return type(trained)(**{**trained.model_dump(), **changes})
     except ValueError as error:
         raise EvaluationError(f"the evaluation's task: {' '.join(str(error).split())}") from None

@@ -56,6 +56,12 @@ class SimulationConfig(BaseModel):
         description="rate at which the object's motion dies down without gravity, 1/s; fades as gravity rises",
     )
 
+    def plain(self, steps_per_second: int | None = None) -> SimulationConfig:
+        """These settings in Bullet and without support, as everything is measured; at another step where given."""
+        step = self.steps_per_second if steps_per_second is None else steps_per_second
+        given = {**self.model_dump(), "steps_per_second": step}
+        return SimulationConfig(**{**given, "engine": "bullet", "support": 0.0, "drag": 0.0})
+
     @property
     def time_step(self) -> float:
         """Physics step, s."""

@@ -51,8 +51,7 @@ class Variants:
 
 
 def _bank(thing: Object, config: TaskConfig) -> GraspBank:
-    plain = {"steps_per_second": MEASUREMENT_RATE, "engine": "bullet", "support": 0.0, "drag": 0.0}
-    coarse = config.simulation.model_copy(update=plain)
+    coarse = config.simulation.plain(MEASUREMENT_RATE)
     return grasps_of([thing], config.grasps, coarse, spread=config.grasp_spread)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium import spaces
@@ -17,7 +17,6 @@ from stable_baselines3.common.vec_env import VecEnv
 
 import randomization
 from tactile_kit.hand.kinematics import JOINTS
-from tactile_kit.simulation.compiled import CompiledSimulation
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.simulation.vector import VectorSimulation
 from tactile_kit.task.actions import for_simulator
@@ -28,6 +27,9 @@ from tactile_kit.task.observation import Belief
 from tactile_kit.task.reward import reward_terms
 from tactile_kit.task.rotations import geodesic
 from tactile_kit.task.variants import Variants
+
+if TYPE_CHECKING:
+    from tactile_kit.simulation.compiled import CompiledSimulation
 
 Array = NDArray[Any]
 
@@ -87,6 +89,8 @@ class EpisodeResult:
 def simulation_of(core: Core, num_envs: int, num_workers: int) -> VectorSimulation | CompiledSimulation:
     """The physics that the task's settings ask for."""
     if core.config.simulation.engine == "compiled":
+        from tactile_kit.simulation.compiled import CompiledSimulation
+
         return CompiledSimulation(core.blueprint, core.meshes, num_envs, num_workers)
     return VectorSimulation(core.blueprint, num_envs, num_workers)
 
