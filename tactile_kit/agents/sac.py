@@ -302,6 +302,13 @@ class SAC(stable_baselines3.SAC):
 
 
 def reward_of(env: VecEnv) -> dict[str, float]:
-    """Weight and clip of the rotation reward from the environment's configuration."""
+    """Weight and clip of the rotation reward from the environment's configuration.
+
+    Raises ValueError for a reward that relabelling does not know.
+    """
     reward = env.config.reward  # type: ignore[attr-defined]
+    if getattr(reward, "arrival", 0.0):
+        raise ValueError(
+            f"task.reward.arrival = {reward.arrival}: allowed is 0 for SAC, which relabels goals"
+        )
     return {"rotation_weight": float(reward.rotation), "rotation_clip": float(reward.rotation_clip)}

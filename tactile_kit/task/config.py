@@ -52,6 +52,11 @@ class RewardConfig(Settings):
     drop: float = Field(
         default=0.0, ge=0, description="price of a drop; the paper has none beside the position's"
     )
+    arrival: float = Field(
+        default=0.0,
+        ge=0,
+        description="weight of coming within some 0.5 rad of the goal, all in all; the paper has none",
+    )
 
 
 class TaskConfig(Settings):

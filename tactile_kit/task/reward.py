@@ -11,11 +11,23 @@ from tactile_kit.task.rotations import geodesic
 
 Array = NDArray[np.floating]
 
+NEAR = 0.5  # rad, width of the bell of the arrival term
+
 
 def rotation_term(config: RewardConfig, R_before: Array, R: Array, goal: Array) -> Array:
     """Angle gained towards the goal, clipped from above: ``(..., 3, 3)`` three times to ``(...)``."""
     gained = geodesic(R_before, goal) - geodesic(R, goal)
     return config.rotation * np.minimum(gained, config.rotation_clip)
+
+
+def arrival_term(config: RewardConfig, R_before: Array, R: Array, goal: Array) -> Array:
+    """What nearing the goal pays beside the angle gained: mostly the last half radian, ``arrival`` in all.
+
+    The difference of a bell of the angle left, so that going to and fro pays nothing. Success asks for 0.4 rad, and
+    the angle alone makes the last stretch worth no more than the first.
+    """
+    before, after = (np.exp(-np.square(geodesic(at, goal) / NEAR)) for at in (R_before, R))
+    return config.arrival * (after - before)
 
 
 def reward_terms(
@@ -29,15 +41,18 @@ def reward_terms(
     q: Array,
     dropped: Array | bool = False,
 ) -> dict[str, Array]:
-    """Terms of the reward, each ``(E,)``; their sum is the reward.
+    """Terms of the reward, each ``(E,)``; their sum is the reward. Arrival is only among them where it has a weight.
 
     ``R* (E, 3, 3)``, ``x* (E, 3)`` m, ``q (E, 12)`` true joint angles rad after the step,
     ``dropped (E,)`` whether the step ended in a drop or a fault.
     """
     away = np.linalg.norm(x - x_start, axis=-1) - np.linalg.norm(x_before - x_start, axis=-1)
-    return {
+    terms = {
         "rotation": rotation_term(config, R_before, R, goal),
         "position": -config.position * away,
         "posture": -config.posture * ((q - MEAN_GRASP) ** 4).sum(axis=-1),
         "drop": -config.drop * np.broadcast_to(dropped, away.shape),
     }
+    if config.arrival:
+        terms["arrival"] = arrival_term(config, R_before, R, goal)
+    return terms

@@ -55,6 +55,13 @@ def test_sac_learns_from_wrong_beliefs_with_true_rewards() -> None:
     assert last < 0.7 and last < first
 
 
+def test_sac_refuses_a_reward_that_it_cannot_relabel() -> None:
+    env = ToyEnv(4)
+    env.config.reward.arrival = 1.0
+    with pytest.raises(ValueError, match=r"arrival = 1.0: allowed is 0"):
+        SAC(env, SAC_TOY, seed=0)
+
+
 def test_ppo_with_correlated_noise_improves() -> None:
     config = PPO_TOY.model_copy(update={"noise_correlation": 0.6})
     first, last = run(PPO(ToyEnv(32, seed=1), config, seed=0), 30)

@@ -76,6 +76,14 @@ def test_coefficients_weigh_their_own_term() -> None:
     )
 
 
+def test_arrival_pays_its_weight_once_and_mostly_near_the_goal() -> None:
+    config = RewardConfig(arrival=2.0)
+    way = [terms(config, R_before=turned(a), R=turned(b))["arrival"] for a, b in ((3, 1), (1, 0.4), (0.4, 0))]
+    assert sum(way) == pytest.approx(2.0, abs=1e-6) and way[0] < 0.05 and min(way[1:]) > 0.9
+    assert terms(config, R_before=turned(0.0), R=turned(3.0))["arrival"] == pytest.approx(-2.0, abs=1e-6)
+    assert "arrival" not in terms()
+
+
 def test_only_the_rotation_term_knows_the_goal() -> None:
     """Relabelling recomputes it alone, for many goals at once."""
     goals = octahedral()
