@@ -14,20 +14,26 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from tactile_kit.agents.files import write_atomically
 
-WINDOW = 500  # episodes that the smoothed figures run over
+WINDOW = 500  # episodes that the smoothed figures run over, at least
 
 
 class Tracker(BaseCallback):
     """Collects finished episodes and reward terms from the environment's infos and transitions.
 
     ``stop`` set by anyone ends the roll-out in progress at the next step.
+
+    Args:
+        num_envs: environments. The figures run over twice as many episodes or more: those that began together also end
+            together unless they drop, so a shorter window would hold now the drops and now the others.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, num_envs: int = 1) -> None:
         super().__init__()
         self.episodes = 0
+        self._length = max(WINDOW, 2 * num_envs)
         self.window: dict[str, deque[float]] = {
-            name: deque(maxlen=WINDOW) for name in ("success", "theta", "drop", "fault", "return", "length")
+            name: deque(maxlen=self._length)
+            for name in ("success", "theta", "drop", "fault", "return", "length")
         }
         self._terms: dict[str, float] = {}
         self._term_steps = 0
@@ -92,7 +98,7 @@ class Tracker(BaseCallback):
         """Inverse of :meth:`state`."""
         self.episodes = state["episodes"]
         for name, values in state["window"].items():
-            self.window[name] = deque(values, maxlen=WINDOW)
+            self.window[name] = deque(values, maxlen=self._length)
         self._terms, self._term_steps = dict(state["terms"]), state["term_steps"]
 
 

@@ -26,7 +26,7 @@ class Run:
     directory: Path
     learner: Any
     env: Any
-    tracker: Tracker = field(default_factory=Tracker)
+    tracker: Tracker
     hours: float = 0.0  # trained so far
     warm_start: dict[str, Any] | None = None
     evaluation: dict[str, Any] | None = None  # the last held-out one

@@ -19,7 +19,7 @@ from tactile_kit.runs import checkpoint as checkpoints
 from tactile_kit.runs.config import RunConfig, differences
 from tactile_kit.runs.directory import hardware, locked, revision, versions
 from tactile_kit.runs.errors import ConfigError
-from tactile_kit.runs.metrics import MetricsFile, read_metrics
+from tactile_kit.runs.metrics import MetricsFile, Tracker, read_metrics
 from tactile_kit.runs.progress import Progress
 from tactile_kit.runs.session import Run
 
@@ -75,7 +75,7 @@ def train(
         if hasattr(env, "simulation"):
             env.simulation.faults = directory / "faults"
         try:
-            run = Run(config, directory, make_learner(config, env), env)
+            run = Run(config, directory, make_learner(config, env), env, Tracker(config.num_envs))
             if saved is not None:
                 run.restore(saved)
                 if saved.replay is None and config.algorithm == "sac":
