@@ -16,6 +16,7 @@ from typing import Any
 from reproduce.errors import ReproduceError
 from reproduce.files import read_json, read_yaml
 from reproduce.plan import Plan
+from reproduce.style import steps_text
 from tactile_kit.evaluation.rows import EpisodeRow, read_rows
 
 # Found, not made by the pipeline: episodes of the same agent in another simulator, and the planner's.
@@ -29,6 +30,7 @@ ABLATED = {  # Table II's rows
     "no_shape": "tactile-none-geometric8",
     "distances_only": "tactile-bps-geometric8",
 }
+ALIKE = 1.5  # ratio of environment steps up to which agents count as trained alike
 _SETS = ("cube", "cuboids", "geometric8")
 _LINES = ("vec_bps", "bps", "pointnet", "pos_rot", "pos", "none")
 CURVES = {
@@ -177,6 +179,15 @@ class Results:
         """Environment steps each of these runs was trained for, those before its warm start included."""
         manifests = [self.manifest(name) for name in names]
         return [steps_of(manifest) for manifest in manifests if manifest is not None]
+
+    def unlike(self, roles: Sequence[str]) -> str:
+        """How unlike the agents of these roles were trained, in words; empty where steps differ by half at most."""
+        steps = {role: self.steps_trained(self.evaluated(role, "nominal")) for role in roles}
+        counts = [count for counted in steps.values() for count in counted]
+        if not counts or max(counts) <= ALIKE * min(counts):
+            return ""
+        said = ", ".join(f"{role} {steps_text(counted)}" for role, counted in steps.items() if counted)
+        return f"not trained alike: {said}"
 
     def curves(self, role: str) -> list[Curve]:
         """Learning curves of the runs of that role that are there."""

@@ -40,6 +40,7 @@ def table_cells(results: Results, values: dict) -> list[Cell]:
                 continue
             # Objects both were evaluated on: a change must compare like with like.
             shared = {r.object_id for r in rows} & {r.object_id for r in base}
+            unlike = results.unlike([values["base"], role])
             change = (
                 relative_change(
                     [r for r in rows if r.object_id in shared],
@@ -47,13 +48,14 @@ def table_cells(results: Results, values: dict) -> list[Cell]:
                     quantity,
                     results.seed,
                 )
-                if shared
+                if shared and not unlike
                 else None
             )
             if change is None:
                 why = (
                     "the base model's value is zero: no ratio" if shared else "no object evaluated with both"
                 )
+                why = unlike or why
                 cells.append(
                     empty_cell(
                         row["name"],

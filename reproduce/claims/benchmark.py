@@ -18,6 +18,7 @@ from reproduce.claims.verdict import (
     Verdict,
     count,
     minus,
+    must_be_trained_alike,
     must_have_learned,
     needed,
     signed,
@@ -77,6 +78,8 @@ def shape_matters_more_with_estimator(results: Results) -> Verdict:
     counts = {name: count(found, name) for name, found in zip(names, rows, strict=True)}
     for name in ("oracle VecBPS", "tactile VecBPS"):
         must_have_learned({name: counts[name]})
+    must_be_trained_alike(results, BENCHMARK[:2])
+    must_be_trained_alike(results, BENCHMARK[2:])
     strata = [
         [np.array([r.success for r in g], float) for g in group(found, lambda r: r.object_id).values()]
         for found in rows
@@ -144,6 +147,7 @@ def small_ablations(results: Results) -> Verdict:
         for key in ("no_sigma", "stop_gradient", "distances_only")
     }
     must_have_learned({"base": count(base, "base")})
+    must_be_trained_alike(results, [TACTILE, *(ABLATED[key] for key in found)])
     changes = {key: _change(rows, base, results.seed) for key, rows in found.items()}
     figures = ", ".join(
         f"{key.replace('_', ' ')} {signed(c.value, c.low, c.high)}" for key, c in changes.items()

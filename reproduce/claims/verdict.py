@@ -3,6 +3,7 @@
 * A comparison counts only where its 95 % interval excludes the other answer.
 * A comparison of learning curves needs two seeds a line or more: one seed says nothing about the next.
 * A comparison of agents of which the stronger one hardly ever succeeds says nothing: it is not measured.
+* Nor does a comparison of agents of which one was trained much longer than the other.
 """
 
 from __future__ import annotations
@@ -128,3 +129,9 @@ def must_have_learned(counts: dict[str, Count]) -> None:
             f"the agents turn too few objects to their goals yet for this comparison to mean anything: {shown}",
             sum(c.episodes for c in counts.values()),
         )
+
+
+def must_be_trained_alike(results: Results, roles: Sequence[str]) -> None:
+    """``NotMeasured`` where one of these agents was trained for many more steps than another."""
+    if why := results.unlike(roles):
+        raise NotMeasured(why)

@@ -47,6 +47,17 @@ def test_agents_that_never_succeed_prove_nothing(full_world):
     assert found[8].verdict == NOT_REPRODUCED  # "excellent" is a statement on the rate itself
 
 
+@pytest.mark.parametrize(
+    ("role", "silent"),
+    [(BENCHMARK[3], {10}), (ABLATED["no_sigma"], {15}), (TACTILE, {10, 15})],
+)
+def test_an_agent_trained_much_longer_proves_nothing(full_world, role, silent):
+    full_world.run(role, steps=1_000_000)
+    found = verdicts(full_world)
+    assert {n for n, v in found.items() if v.verdict == NOT_MEASURED} == silent | {16}
+    assert all("not trained alike" in found[n].figures for n in silent)
+
+
 def test_one_seed_a_line_is_no_measurement(world):
     for objects, lines in CURVES.items():
         for line in lines:

@@ -130,3 +130,18 @@ def test_no_ratio_to_a_base_without_successes(world, tmp_path):
     assert cell.status == "undefined" and cell.ours is None and "zero" in cell.note and "undefined" in tex
     assert cells["No shape info", "relative final angle to goal"].status == "measured"
     assert cells["No sigma input to the policy", "relative success rate"].status == "missing"
+
+
+def test_no_ratio_between_agents_of_which_one_was_trained_longer(world, tmp_path):
+    for role, successes in ((TACTILE, 8), (ABLATED["no_shape"], 2), (ABLATED["no_sigma"], 6)):
+        world.evaluated(
+            role, "nominal", [row for i in range(13) for row in world.draw(role, THINGS[i], successes, 12)]
+        )
+    world.run(TACTILE, steps=1_000_000)
+    world.run(ABLATED["no_shape"], steps=600_000)
+    world.run(ABLATED["no_sigma"], steps=700_000)
+    cells, _ = tables(world, "table2", tmp_path)
+    cell = cells["No shape info", "relative success rate"]
+    assert cell.status == "undefined" and cell.ours is None
+    assert "not trained alike" in cell.note and "600 k" in cell.note and "1 M" in cell.note
+    assert cells["No sigma input to the policy", "relative success rate"].status == "measured"
