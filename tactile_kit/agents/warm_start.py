@@ -85,8 +85,9 @@ def _reads_features(name: str, given: Tensor, target: Tensor, old: int, new: int
 def warm_start(learner, directory: str | Path, encoding: str) -> dict:
     """Fill a fresh learner from the agent in ``directory``; ``encoding`` is the learner's own.
 
-    Returns what agent.json records of it: source, its steps and the weights left as initialised. Raises AgentError
-    when the directory is no valid agent or its actor's output means something else.
+    Returns what agent.json records of it: source, steps and hours it was trained for (with all that it started from
+    itself) and the weights left as initialised. Raises AgentError when the directory is no valid agent or its actor's
+    output means something else.
     """
     directory = Path(directory)
     manifest = read_manifest(directory)
@@ -114,7 +115,13 @@ def warm_start(learner, directory: str | Path, encoding: str) -> dict:
     cell = getattr(learner.env, "estimator", None)
     if cell is not None:
         left += _warm_estimator(cell, directory, manifest)
-    return {"from": directory.name, "steps": manifest.steps, "hours": manifest.hours, "as_initialised": left}
+    before = manifest.warm_start or {}
+    return {
+        "from": directory.name,
+        "steps": manifest.steps + int(before.get("steps", 0)),
+        "hours": manifest.hours + float(before.get("hours", 0.0)),
+        "as_initialised": left,
+    }
 
 
 def _warm_estimator(cell: nn.Module, directory: Path, manifest: Manifest) -> list[str]:

@@ -207,6 +207,20 @@ def test_warm_start_from_sac_to_ppo_keeps_the_actions(tmp_path: Path) -> None:
     np.testing.assert_allclose(got, wanted, atol=1e-6)
 
 
+def test_a_chain_of_warm_starts_counts_all_steps_and_hours(tmp_path: Path) -> None:
+    first = export(tmp_path / "first", "ppo")
+    record = warm_start(make_learner(config("ppo"), ToyEnv(8)), tmp_path / "first", "none")
+    assert (record["from"], record["steps"], record["hours"]) == ("first", first.num_timesteps, 0.01)
+    settings = config("ppo")
+    second = make_learner(settings, ToyEnv(8))
+    second.learn(600)
+    (tmp_path / "second").mkdir()
+    export_agent(tmp_path / "second", settings, second, hours=0.02, warm_start=record)
+    record = warm_start(make_learner(config("ppo"), ToyEnv(8)), tmp_path / "second", "none")
+    assert record["from"] == "second" and record["steps"] == first.num_timesteps + second.num_timesteps
+    assert record["hours"] == pytest.approx(0.03)
+
+
 @pytest.mark.parametrize("kept", [True, False])
 def test_a_warm_started_ppo_keeps_sigma_unless_told_otherwise(tmp_path: Path, kept: bool) -> None:
     source = export(tmp_path, "ppo")
