@@ -59,7 +59,9 @@ def content(results: Results, out: Path) -> dict[str, Any]:
         "agents": agents,
         "missing": [agent["name"] for agent in agents if not agent["there"]],
         "most_steps": max((agent["steps"] for agent in benchmark), default=0),
-        "barely": bool(benchmark) and any(agent["steps"] < BARELY for agent in benchmark),
+        "barely": [agent["name"] for agent in benchmark if agent["steps"] < BARELY],
+        "barely_steps": BARELY,
+        "evaluated": len(benchmark),
         "claims": claims,
         "counts": {
             v: sum(c["verdict"] == v for c in claims)

@@ -137,6 +137,6 @@ def _amount(manifest: Manifest) -> str:
     if share < 0.1:
         return (
             f"That is about {share:.1%} of what the paper's agents saw (of the order of "
-            f"{PAPER_STEPS[manifest.kind]:.0e} steps): expect it to be much worse than the paper's."
+            f"{PAPER_STEPS[manifest.kind]:.0e} steps)."
         )
     return "That is of the order of the paper's training."

@@ -60,7 +60,7 @@ def test_it_is_one_sound_page_with_everything_inside(page):
 
 def test_it_states_scale_and_steps_of_every_agent(page, paper_world):
     text = re.sub(r"<[^>]+>", " ", page)
-    assert "barely trained" in text and "scale" in text
+    assert "All of these agents are barely trained" in text and "scale" in text
     for name in paper_world.runs:
         assert name in text
     assert text.count("123 k") >= len(paper_world.runs)
