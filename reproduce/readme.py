@@ -53,10 +53,10 @@ def block(results: Path) -> str:
     trained = [_trained([place[row, column] for row in rows]) for column in columns]
     lines = [
         "Table I, success rate (final angle below 0.4 rad after 10 s, drops fail), ours with its 95 % interval",
-        "beside the paper's. **The shipped agents are trained for less than the paper's**: those saw 4096 environments",
-        "for hours on a GPU, ours the steps of the last row on two CPU cores. So the numbers say how far these agents",
-        "are, not how far the method goes. The planner is not in the paper: it knows the true state, tries its moves in",
-        "a copy of the simulator, and was not trained ([docs/planner.md](docs/planner.md)).",
+        "beside the paper's. **The shipped agents are trained for less than the paper's**: those saw 4096",
+        "environments for hours on a GPU, ours the steps of the last row on two CPU cores. So the numbers say how far",
+        "these agents are, not how far the method goes. The planner is not in the paper: it knows the true state,",
+        "tries its moves in a copy of the simulator, and was not trained ([docs/planner.md](docs/planner.md)).",
         "",
         "| objects | " + " | ".join(columns) + " |",
         "|---|" + "---|" * len(columns),
