@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, model_validator
 
 
 class Settings(BaseModel):
@@ -57,12 +57,24 @@ class PPOConfig(Settings):
     clone_steps: int = Field(
         0, ge=0, description="Environment steps over which that weight falls to zero; 0: it stays."
     )
+    teacher: str | None = Field(None, description="Directory of an oracle agent that teaches at first.")
+    taught_steps: int = Field(
+        0, ge=0, description="Environment steps at the start in which the policy only follows its teacher."
+    )
     critic_steps: int = Field(
         0, ge=0, description="Environment steps at the start in which only the critic follows the roll-outs."
     )
     actor: NetworkConfig = NetworkConfig()
     critic: NetworkConfig = NetworkConfig()
     bfloat16: bool = Field(False, description="Matrix products of the update in bfloat16 (autocast).")
+
+    @model_validator(mode="after")
+    def _teacher_has_time(self) -> PPOConfig:
+        if (self.teacher is None) != (self.taught_steps == 0):
+            raise ValueError(
+                f"teacher = {self.teacher!r} and taught_steps = {self.taught_steps}: allowed are both or neither"
+            )
+        return self
 
     @classmethod
     def preset(cls, name: Literal["paper", "small"]) -> PPOConfig:

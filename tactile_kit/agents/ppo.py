@@ -36,6 +36,7 @@ from tactile_kit.agents.state import (
     unpack_numpy_generator,
     unpack_optimizer,
 )
+from tactile_kit.agents.teacher import Teacher, learning_rate, led
 
 _HALF_LOG_2PI = 0.918938533204673
 CLONED = 1024  # demonstrated actions beside a minibatch
@@ -92,6 +93,7 @@ class PPO(stable_baselines3.PPO):
         self.order = stream(seed, "learner", "minibatches")
         self._clone_order = stream(seed, "learner", "examples")
         self.examples: Examples | None = None
+        self.teacher: Teacher | None = None
         self.rate = config.learning_rate
         self._means = Means()
         self._new = (
@@ -99,6 +101,7 @@ class PPO(stable_baselines3.PPO):
         ) ** 0.5  # share of an action's sigma that is not left over
         self._wander = torch.zeros(env.num_envs, env.action_space.shape[0])  # type: ignore[index]
         self._left_over = torch.zeros(config.rollout, *self._wander.shape)
+        self._shown = torch.zeros_like(self._left_over)  # the teacher's actions
         policy: dict[str, Any] = {
             "layout": layout,
             "actor": config.actor,
@@ -145,6 +148,9 @@ class PPO(stable_baselines3.PPO):
             observations = np.array(self._last_obs, dtype=np.float32)  # the environment may reuse its buffers
             with torch.no_grad():
                 mean, log_std, values = self.policy.moments_and_values(torch.from_numpy(observations))
+                if self.taught:
+                    self._shown[step] = shown = self.teacher.actions()  # type: ignore[union-attr]
+                    mean = torch.where(led(self._lessons(), env.num_envs)[:, None], shown, mean)
                 left = self._left_over[step] = self.config.noise_correlation * self._wander
                 fresh = self._new * log_std.exp() * torch.randn(mean.shape, generator=self.noise)
                 actions = mean + left + fresh
@@ -201,7 +207,8 @@ class PPO(stable_baselines3.PPO):
                 [actor.moments(actor.features.embed(part))[0] for part in inputs.split(2**14)]
             )
         batches = max(len(inputs) // self.batch_size, 1)
-        cloning, leads = self._cloning(), self.num_timesteps > config.critic_steps
+        taught, shown = self.taught, self._shown.flatten(0, 1)
+        cloning, leads = self._cloning(), not taught and self.num_timesteps > config.critic_steps
         for _ in range(config.epochs):
             for chosen in np.array_split(self.order.permutation(len(inputs)), batches):
                 at = torch.from_numpy(chosen)
@@ -220,6 +227,10 @@ class PPO(stable_baselines3.PPO):
                 loss = config.critic_coefficient * value_loss
                 if leads:
                     loss = loss + policy_loss - config.entropy * entropy
+                if taught:
+                    apart = gaussian_divergence(mean, old_log_std, shown[at], old_log_std)
+                    loss = loss + apart
+                    self._means.add(teacher_divergence=apart)
                 if leads and cloning > 0 and self.examples is not None:
                     shown, wanted = self.examples.batch(CLONED)
                     apart = distance(actor, shown, wanted, config.bfloat16)
@@ -237,7 +248,7 @@ class PPO(stable_baselines3.PPO):
                     self.rate = adapted_rate(
                         self.rate, float(divergence), config.kl_threshold, config.learning_rate_bounds
                     )
-                optimizer.param_groups[0]["lr"] = self.rate
+                optimizer.param_groups[0]["lr"] = learning_rate(self._lessons()) if taught else self.rate
                 optimizer.step()
                 self._n_updates += 1
                 fraction = ((ratio - 1.0).abs() > config.clip).float().mean()
@@ -247,6 +258,16 @@ class PPO(stable_baselines3.PPO):
         explained = 1.0 - (returns - _flat(buffer.values)).var() / returns.var().clamp_min(1e-12)
         self._means.add(explained_variance=explained, sigma=actor.log_std.exp().mean(), value=returns.mean())
         self.policy.norm.update(observations)
+
+    # ---- being taught ------------------------------------------------------------------------------------------------
+    def _lessons(self) -> float:
+        """Share of the lessons that is over."""
+        return self.num_timesteps / max(self.config.taught_steps, 1)
+
+    @property
+    def taught(self) -> bool:
+        """Whether the policy follows its teacher still, and not yet its returns."""
+        return self.teacher is not None and self.num_timesteps <= self.config.taught_steps
 
     # ---- imitating ---------------------------------------------------------------------------------------------------
     def learn_from(

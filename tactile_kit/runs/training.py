@@ -88,7 +88,11 @@ def train(
                 run.warm_start = warm_start(run.learner, config.warm_start, config.encoding)
             del saved
             if getattr(config, config.algorithm).demonstrations:
-                _add_teacher(run, progress)
+                _add_demonstrations(run, progress)
+            if config.algorithm == "ppo" and config.ppo.teacher:
+                from tactile_kit.agents.teacher import Teacher
+
+                run.learner.teacher = Teacher(config.ppo.teacher, env)
             metrics = MetricsFile(directory, run.learner.num_timesteps)
             try:
                 _loop(run, metrics, progress)
@@ -111,7 +115,7 @@ def _torch_left_alone() -> Iterator[None]:
         torch.set_float32_matmul_precision(precision)
 
 
-def _add_teacher(run: Run, progress: Progress) -> None:
+def _add_demonstrations(run: Run, progress: Progress) -> None:
     from randomization import stream
     from tactile_kit.planning.teaching import examples_of, replay_of
 
