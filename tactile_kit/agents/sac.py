@@ -307,7 +307,7 @@ def reward_of(env: VecEnv) -> dict[str, float]:
     Raises ValueError for a reward that relabelling does not know.
     """
     reward = env.config.reward  # type: ignore[attr-defined]
-    if getattr(reward, "arrival", 0.0):
+    if reward.arrival:
         raise ValueError(
             f"task.reward.arrival = {reward.arrival}: allowed is 0 for SAC, which relabels goals"
         )

@@ -14,20 +14,18 @@ Array = NDArray[np.floating]
 NEAR = 0.5  # rad, width of the bell of the arrival term
 
 
-def rotation_term(config: RewardConfig, R_before: Array, R: Array, goal: Array) -> Array:
-    """Angle gained towards the goal, clipped from above: ``(..., 3, 3)`` three times to ``(...)``."""
-    gained = geodesic(R_before, goal) - geodesic(R, goal)
-    return config.rotation * np.minimum(gained, config.rotation_clip)
+def rotation_term(config: RewardConfig, before: Array, after: Array) -> Array:
+    """Angle gained towards the goal, clipped from above: angles left before and after the step ``(...)`` rad."""
+    return config.rotation * np.minimum(before - after, config.rotation_clip)
 
 
-def arrival_term(config: RewardConfig, R_before: Array, R: Array, goal: Array) -> Array:
+def arrival_term(config: RewardConfig, before: Array, after: Array) -> Array:
     """What nearing the goal pays beside the angle gained: mostly the last half radian, ``arrival`` in all.
 
     The difference of a bell of the angle left, so that going to and fro pays nothing. Success asks for 0.4 rad, and
     the angle alone makes the last stretch worth no more than the first.
     """
-    before, after = (np.exp(-np.square(geodesic(at, goal) / NEAR)) for at in (R_before, R))
-    return config.arrival * (after - before)
+    return config.arrival * (np.exp(-np.square(after / NEAR)) - np.exp(-np.square(before / NEAR)))
 
 
 def reward_terms(
@@ -46,13 +44,14 @@ def reward_terms(
     ``R* (E, 3, 3)``, ``x* (E, 3)`` m, ``q (E, 12)`` true joint angles rad after the step,
     ``dropped (E,)`` whether the step ended in a drop or a fault.
     """
+    left_before, left = geodesic(R_before, goal), geodesic(R, goal)
     away = np.linalg.norm(x - x_start, axis=-1) - np.linalg.norm(x_before - x_start, axis=-1)
     terms = {
-        "rotation": rotation_term(config, R_before, R, goal),
+        "rotation": rotation_term(config, left_before, left),
         "position": -config.position * away,
         "posture": -config.posture * ((q - MEAN_GRASP) ** 4).sum(axis=-1),
         "drop": -config.drop * np.broadcast_to(dropped, away.shape),
     }
     if config.arrival:
-        terms["arrival"] = arrival_term(config, R_before, R, goal)
+        terms["arrival"] = arrival_term(config, left_before, left)
     return terms

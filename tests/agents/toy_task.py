@@ -72,7 +72,7 @@ class ToyEnv(VecEnv):
         if sigma:
             terms["sigma"] = sigma
         self.layout = ToyLayout(**terms)
-        self.config = SimpleNamespace(reward=SimpleNamespace(rotation=1.0, rotation_clip=0.1))
+        self.config = SimpleNamespace(reward=SimpleNamespace(rotation=1.0, rotation_clip=0.1, arrival=0.0))
         self.seed_, self.horizon, self.belief_error, self.drop = seed, horizon, belief_error, drop
         self.counter = np.zeros(num_envs, np.int64)
         self.gravity = 9.81

@@ -8,7 +8,7 @@ import pytest
 from tactile_kit.hand.kinematics import MEAN_GRASP
 from tactile_kit.task.config import RewardConfig
 from tactile_kit.task.reward import reward_terms, rotation_term
-from tactile_kit.task.rotations import exp, octahedral
+from tactile_kit.task.rotations import exp, geodesic, octahedral
 
 PAPER = RewardConfig()
 HERE = np.zeros((1, 3))
@@ -91,5 +91,7 @@ def test_only_the_rotation_term_knows_the_goal() -> None:
     fixed = [np.zeros((24, 3))] * 3 + [np.tile(MEAN_GRASP + 0.1, (24, 1))]
     found = reward_terms(PAPER, R_before, R, goals, *fixed)
     assert np.ptp(found["position"]) == np.ptp(found["posture"]) == 0
-    np.testing.assert_array_equal(found["rotation"], rotation_term(PAPER, R_before, R, goals))
+    np.testing.assert_array_equal(
+        found["rotation"], rotation_term(PAPER, geodesic(R_before, goals), geodesic(R, goals))
+    )
     assert found["rotation"].min() == pytest.approx(-0.1) and found["rotation"].max() == pytest.approx(0.1)
