@@ -29,9 +29,15 @@ class Run:
     seed: int
     preset: str
     warm_start: str | None
+    teacher: str | None
     job: str  # the training job it belongs to
     directory: Path
     curves: bool = True  # whether an oracle run belongs to the learning curves
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The runs that must be there before this one is trained."""
+        return tuple(name for name in (self.warm_start, self.teacher) if name is not None)
 
 
 @dataclass(frozen=True)
@@ -129,11 +135,12 @@ def make_plan(scale: Scale, source: str, out: Path, agents: Path | None = None) 
         if names.count(name) > 1:
             raise ScaleError(f"scale {scale.name}: run {name} is named by two groups; allowed is one")
     for run in runs:
-        if run.warm_start is not None and run.warm_start not in names:
-            raise ScaleError(
-                f"scale {scale.name}: warm_start {run.warm_start!r} of {run.name} unknown"
-                + nearest(run.warm_start, names)
-            )
+        for setting in ("warm_start", "teacher"):
+            needed = getattr(run, setting)
+            if needed is not None and needed not in names:
+                raise ScaleError(
+                    f"scale {scale.name}: {setting} {needed!r} of {run.name} unknown{nearest(needed, names)}"
+                )
     evaluations = []
     for group in scale.evaluations:
         for role in group.runs:
@@ -158,7 +165,8 @@ def _expand(group: RunGroup, number: int, agents: Path) -> list[Run]:
             for objects in group.sets:
                 role = f"{group.kind}-{variant}-{objects}"
                 name = f"{role}-s{seed}"
-                warm = _fill(group.warm_start, variant, objects, seed)
+                warm = _fill("warm_start", group.warm_start, variant, objects, seed)
+                teacher = _fill("teacher", group.teacher, variant, objects, seed)
                 job = f"group{number}-{group.kind}" if group.together else name
                 runs.append(
                     Run(
@@ -170,6 +178,7 @@ def _expand(group: RunGroup, number: int, agents: Path) -> list[Run]:
                         seed,
                         group.preset,
                         warm,
+                        teacher,
                         job,
                         agents / name,
                         group.curves,
@@ -178,12 +187,12 @@ def _expand(group: RunGroup, number: int, agents: Path) -> list[Run]:
     return runs
 
 
-def _fill(template: str | None, variant: str, objects: str, seed: int) -> str | None:
+def _fill(setting: str, template: str | None, variant: str, objects: str, seed: int) -> str | None:
     if template is None:
         return None
     try:
         return template.format(encoding=split_variant(variant)[0], set=objects, seed=seed)
     except (KeyError, IndexError, ValueError):
         raise ScaleError(
-            f"warm_start {template!r}: allowed are the fields {{encoding}}, {{set}} and {{seed}}"
+            f"{setting} {template!r}: allowed are the fields {{encoding}}, {{set}} and {{seed}}"
         ) from None

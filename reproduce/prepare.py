@@ -39,7 +39,7 @@ def prepare(plan: Plan) -> Path:
         write_if_changed(jobs / "train" / f"{job}.yaml", dump_yaml(entries))
         banks = dict(grasp_item(entry["config"]) for entry in entries)
         grasps |= banks
-        after = {warm for run in runs if run.warm_start for warm in [plan.job_of(run.warm_start)]} - {job}
+        after = {plan.job_of(name) for run in runs for name in run.sources} - {job}
         steps = sum(int(entry["config"].get("steps", 0)) for entry in entries)
         train[job] = {
             "after": sorted(after),

@@ -67,6 +67,7 @@ class RunGroup(Part):
     warm_start: str | None = Field(
         None, description="Run to start from; {encoding}, {set} and {seed} are filled in."
     )
+    teacher: str | None = Field(None, description="Oracle run that teaches these (PPO), likewise.")
     curves: bool = Field(True, description="Whether its oracle runs belong to the learning curves of Fig. 5.")
     together: bool = Field(False, description="Train all runs of the group one after another in one process.")
 

@@ -33,6 +33,8 @@ def run_settings(plan: Plan, run: Run) -> dict[str, Any]:
     }
     if run.warm_start is not None:
         changes["warm_start"] = str(run.directory.parent / run.warm_start)
+    if run.teacher is not None:
+        changes["ppo.teacher"] = str(run.directory.parent / run.teacher)
     settings = dict(plan.scale.presets[run.preset])
     base = settings.pop("preset", None)
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, model_validator
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 
 class Settings(BaseModel):
@@ -45,6 +45,10 @@ class PPOConfig(Settings):
         -0.5, description="Initial log sigma of the actions, state-independent (own choice)."
     )
     keep_sigma: bool = Field(True, description="A warm start takes over its source's sigma; false: log_std.")
+    calm_from: int | None = Field(
+        None, ge=0, description="Environment steps from which on sigma is kept down; None: never."
+    )
+    calm_log_std: float = Field(-2.0, description="What log sigma is kept down to then (own choice).")
     noise_correlation: float = Field(
         0.0, ge=0, lt=1, description="Correlation of the noise from one action to the next (own choice)."
     )
@@ -58,8 +62,8 @@ class PPOConfig(Settings):
         0, ge=0, description="Environment steps over which that weight falls to zero; 0: it stays."
     )
     teacher: str | None = Field(None, description="Directory of an oracle agent that teaches at first.")
-    taught_steps: int = Field(
-        0, ge=0, description="Environment steps at the start in which the policy only follows its teacher."
+    taught_steps: PositiveInt = Field(
+        4_000_000, description="Environment steps at the start in which the policy only follows its teacher."
     )
     critic_steps: int = Field(
         0, ge=0, description="Environment steps at the start in which only the critic follows the roll-outs."
@@ -67,14 +71,6 @@ class PPOConfig(Settings):
     actor: NetworkConfig = NetworkConfig()
     critic: NetworkConfig = NetworkConfig()
     bfloat16: bool = Field(False, description="Matrix products of the update in bfloat16 (autocast).")
-
-    @model_validator(mode="after")
-    def _teacher_has_time(self) -> PPOConfig:
-        if (self.teacher is None) != (self.taught_steps == 0):
-            raise ValueError(
-                f"teacher = {self.teacher!r} and taught_steps = {self.taught_steps}: allowed are both or neither"
-            )
-        return self
 
     @classmethod
     def preset(cls, name: Literal["paper", "small"]) -> PPOConfig:

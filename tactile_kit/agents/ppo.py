@@ -36,7 +36,7 @@ from tactile_kit.agents.state import (
     unpack_numpy_generator,
     unpack_optimizer,
 )
-from tactile_kit.agents.teacher import Teacher, learning_rate, led
+from tactile_kit.agents.teacher import MINIBATCH, Teacher, learning_rate, led
 
 _HALF_LOG_2PI = 0.918938533204673
 CLONED = 1024  # demonstrated actions beside a minibatch
@@ -143,6 +143,7 @@ class PPO(stable_baselines3.PPO):
         assert self._last_obs is not None
         callback.on_rollout_start()
         rollout_buffer.reset()
+        self._calm()
         dones = self._last_episode_starts
         for step in range(n_rollout_steps):
             observations = np.array(self._last_obs, dtype=np.float32)  # the environment may reuse its buffers
@@ -206,8 +207,8 @@ class PPO(stable_baselines3.PPO):
             old_means = torch.cat(
                 [actor.moments(actor.features.embed(part))[0] for part in inputs.split(2**14)]
             )
-        batches = max(len(inputs) // self.batch_size, 1)
         taught, shown = self.taught, self._shown.flatten(0, 1)
+        batches = max(len(inputs) // (min(self.batch_size, MINIBATCH) if taught else self.batch_size), 1)
         cloning, leads = self._cloning(), not taught and self.num_timesteps > config.critic_steps
         for _ in range(config.epochs):
             for chosen in np.array_split(self.order.permutation(len(inputs)), batches):
@@ -259,10 +260,16 @@ class PPO(stable_baselines3.PPO):
         self._means.add(explained_variance=explained, sigma=actor.log_std.exp().mean(), value=returns.mean())
         self.policy.norm.update(observations)
 
+    def _calm(self) -> None:
+        """Keep sigma down once it is time to."""
+        config = self.config
+        if config.calm_from is not None and self.num_timesteps >= config.calm_from:
+            self.policy.actor.log_std.data.clamp_(max=config.calm_log_std)
+
     # ---- being taught ------------------------------------------------------------------------------------------------
     def _lessons(self) -> float:
         """Share of the lessons that is over."""
-        return self.num_timesteps / max(self.config.taught_steps, 1)
+        return self.num_timesteps / self.config.taught_steps
 
     @property
     def taught(self) -> bool:

@@ -19,6 +19,7 @@ from tactile_kit.shape import encoding
 from tactile_kit.task.observation import Belief, Observer, layout_of
 
 RATE, LAST_RATE = 1e-3, 1e-4  # the student's learning rate while it is taught, at first and in the end
+MINIBATCH = 1024  # transitions a gradient step while it is taught, at most
 
 
 class Teacher:

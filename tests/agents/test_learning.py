@@ -81,6 +81,14 @@ def test_the_critic_may_keep_a_learning_rate_of_its_own() -> None:
     assert [group["lr"] for group in again.policy.optimizer.param_groups] == [learner.rate, 7e-4]
 
 
+@pytest.mark.parametrize(("iterations", "calm"), [(2, False), (3, True)])
+def test_sigma_is_kept_down_once_it_is_time_to(iterations: int, calm: bool) -> None:
+    config = PPO_TOY.model_copy(update={"calm_from": 512, "calm_log_std": -3.0})
+    learner = PPO(ToyEnv(8, seed=1), config, seed=0)  # 256 steps an iteration
+    run(learner, iterations)
+    assert learner.policy.actor.log_std.mean() == pytest.approx(-3.0 if calm else -0.5, abs=0.05)
+
+
 def test_ppos_noise_is_as_correlated_and_as_large_as_asked() -> None:
     """Over whole episodes; and the stored density is that of the action given the noise left over."""
     config = PPO_TOY.model_copy(update={"noise_correlation": 0.7, "rollout": 128})

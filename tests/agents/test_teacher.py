@@ -10,7 +10,7 @@ import pytest
 from tactile_kit.agents import load_agent
 from tactile_kit.agents.errors import AgentError
 from tactile_kit.agents.teacher import LAST_RATE, RATE, Teacher, learning_rate, led
-from tactile_kit.runs import ConfigError, RunConfig, train
+from tactile_kit.runs import RunConfig, train
 from tactile_kit.runs.metrics import read_metrics
 from tactile_kit.task.vec_env import ReorientVecEnv
 
@@ -94,9 +94,3 @@ def test_a_tactile_agent_cannot_teach(tmp_path: Path) -> None:
     with pytest.raises(AgentError, match=r"kind 'tactile' can't teach"):
         Teacher(directory, env)
     env.close()
-
-
-@pytest.mark.parametrize("changes", [{"teacher": "somewhere"}, {"taught_steps": 10}])
-def test_a_teacher_without_time_and_time_without_a_teacher_are_refused(changes: dict) -> None:
-    with pytest.raises(ConfigError, match=r"teacher = .* and taught_steps = .*: allowed are both or neither"):
-        config("pos", ppo=changes)

@@ -162,6 +162,22 @@ def test_unknown_scales_runs_and_files_are_named(tmp_path):
         make_plan(scale.model_copy(update={"evaluations": (group,)}), "scratch", tmp_path)
 
 
+def test_pupils_wait_for_their_teacher(tmp_path):
+    plan = make_plan(load_scale("small"), "scratch", tmp_path)
+    pupil = next(run for run in plan.runs if run.role == "oracle-pos-geometric8")
+    teacher = pupil.directory.parent / "oracle-vec_bps-geometric8-s0"
+    assert run_settings(plan, pupil)["ppo"]["teacher"] == str(teacher)
+    assert json.loads(prepare(plan).read_text())["train"][pupil.job]["after"] == [teacher.name]
+    groups = [group.model_copy(update={"warm_start": None}) for group in plan.scale.runs]
+    lone = plan.scale.model_copy(update={"runs": tuple(groups)})
+    assert json.loads(prepare(make_plan(lone, "scratch", tmp_path)).read_text())["train"][pupil.job]["after"]
+    missing = groups[1].model_copy(update={"teacher": "oracle-vecbps-{set}-s{seed}"})
+    with pytest.raises(ScaleError, match=r"teacher .*nearest valid name: 'oracle-vec_bps-geometric8-s0'"):
+        make_plan(
+            plan.scale.model_copy(update={"runs": (groups[0], missing, *groups[2:])}), "scratch", tmp_path
+        )
+
+
 def test_a_wrong_run_setting_names_scale_and_preset(tmp_path):
     scale = load_scale("smoke")
     scale = scale.model_copy(
