@@ -86,7 +86,7 @@ def test_sigma_is_kept_down_once_it_is_time_to(iterations: int, calm: bool) -> N
     config = PPO_TOY.model_copy(update={"calm_from": 512, "calm_log_std": -3.0})
     learner = PPO(ToyEnv(8, seed=1), config, seed=0)  # 256 steps an iteration
     run(learner, iterations)
-    assert learner.policy.actor.log_std.mean() == pytest.approx(-3.0 if calm else -0.5, abs=0.05)
+    assert learner.policy.actor.log_std.mean().item() == pytest.approx(-3.0 if calm else -0.5, abs=0.05)
 
 
 def test_ppos_noise_is_as_correlated_and_as_large_as_asked() -> None:
