@@ -198,15 +198,20 @@ class PPO(stable_baselines3.PPO):
         config, buffer = self.config, self.rollout_buffer
         observations = _flat(buffer.observations)
         actions, advantages = _flat(buffer.actions), _flat(buffer.advantages)
-        returns, densities = _flat(buffer.returns), _flat(buffer.log_probs)
-        left_over, narrower = self._left_over.flatten(0, 1), math.log(self._new)
+        returns, left_over, narrower = (
+            _flat(buffer.returns),
+            self._left_over.flatten(0, 1),
+            math.log(self._new),
+        )
         inputs = self.policy.norm(observations)  # frozen during the update: once is enough
         actor, critic, optimizer = self.policy.actor, self.policy.critic, self.policy.optimizer
-        with torch.no_grad():
+        # in the update's own precision: else rounding alone would pass for divergence, the more the smaller sigma is
+        with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, enabled=config.bfloat16):
             old_log_std = actor.log_std.clone()
             old_means = torch.cat(
                 [actor.moments(actor.features.embed(part))[0] for part in inputs.split(2**14)]
             )
+            densities = gaussian_log_density(actions, old_means + left_over, old_log_std + narrower)
         taught, shown = self.taught, self._shown.flatten(0, 1)
         batches = max(len(inputs) // (min(self.batch_size, MINIBATCH) if taught else self.batch_size), 1)
         cloning, leads = self._cloning(), not taught and self.num_timesteps > config.critic_steps
@@ -233,8 +238,7 @@ class PPO(stable_baselines3.PPO):
                     loss = loss + apart
                     self._means.add(teacher_divergence=apart)
                 if leads and cloning > 0 and self.examples is not None:
-                    shown, wanted = self.examples.batch(CLONED)
-                    apart = distance(actor, shown, wanted, config.bfloat16)
+                    apart = distance(actor, *self.examples.batch(CLONED), config.bfloat16)
                     loss = loss + cloning * apart
                     self._means.add(clone_distance=apart)
                 optimizer.zero_grad()

@@ -89,6 +89,16 @@ def test_sigma_is_kept_down_once_it_is_time_to(iterations: int, calm: bool) -> N
     assert learner.policy.actor.log_std.mean().item() == pytest.approx(-3.0 if calm else -0.5, abs=0.05)
 
 
+def test_rounding_does_not_pass_for_divergence() -> None:
+    """However small sigma is: the policy before an update is compared in the precision of the update."""
+    still = {"bfloat16": True, "log_std": -7.0, "learning_rate": 1e-9, "learning_rate_bounds": (1e-9, 1e-9)}
+    learner = PPO(ToyEnv(32, seed=1), PPO_TOY.model_copy(update=still), rest=(0.3,) * 12, seed=0)
+    learner.policy.actor.mean.weight.data.mul_(50.0)  # means of some size
+    run(learner, 1)
+    metrics = learner.metrics()
+    assert metrics["divergence"] < 1e-3 and metrics["clipped"] == 0.0
+
+
 def test_ppos_noise_is_as_correlated_and_as_large_as_asked() -> None:
     """Over whole episodes; and the stored density is that of the action given the noise left over."""
     config = PPO_TOY.model_copy(update={"noise_correlation": 0.7, "rollout": 128})
