@@ -181,13 +181,20 @@ class Results:
         return [steps_of(manifest) for manifest in manifests if manifest is not None]
 
     def unlike(self, roles: Sequence[str]) -> str:
-        """How unlike the agents of these roles were trained, in words; empty where steps differ by half at most."""
-        steps = {role: self.steps_trained(self.evaluated(role, "nominal")) for role in roles}
-        counts = [count for counted in steps.values() for count in counted]
-        if not counts or max(counts) <= ALIKE * min(counts):
-            return ""
-        said = ", ".join(f"{role} {steps_text(counted)}" for role, counted in steps.items() if counted)
-        return f"not trained alike: {said}"
+        """How unlike the agents of these roles were trained, in words; empty where steps differ by half at most.
+
+        Both all steps count and, of tactile agents, those since they have had an estimator.
+        """
+        for count, what in ((steps_of, ""), (_coupled_steps, " with the estimator")):
+            manifests = {role: map(self.manifest, self.evaluated(role, "nominal")) for role in roles}
+            steps = {role: [n for m in found if m and (n := count(m))] for role, found in manifests.items()}
+            counts = [number for numbers in steps.values() for number in numbers]
+            if counts and max(counts) > ALIKE * min(counts):
+                said = ", ".join(
+                    f"{role} {steps_text(counted)}" for role, counted in steps.items() if counted
+                )
+                return f"not trained alike{what}: {said}"
+        return ""
 
     def curves(self, role: str) -> list[Curve]:
         """Learning curves of the runs of that role that are there."""
@@ -198,6 +205,11 @@ class Results:
 def steps_of(manifest: dict[str, Any]) -> int:
     """Environment steps behind an agent: its own and those of the agent it started from."""
     return int(manifest["steps"]) + int((manifest.get("warm_start") or {}).get("steps", 0))
+
+
+def _coupled_steps(manifest: dict[str, Any]) -> int:
+    """Environment steps of a tactile agent's own run; 0 for an oracle."""
+    return int(manifest["steps"]) if manifest.get("kind") == "tactile" else 0
 
 
 def read_curve(run: str, path: Path) -> Curve:

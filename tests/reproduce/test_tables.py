@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 
 import pytest
 
@@ -145,3 +146,18 @@ def test_no_ratio_between_agents_of_which_one_was_trained_longer(world, tmp_path
     assert cell.status == "undefined" and cell.ours is None
     assert "not trained alike" in cell.note and "600 k" in cell.note and "1 M" in cell.note
     assert cells["No sigma input to the policy", "relative success rate"].status == "measured"
+
+
+def test_steps_before_the_estimator_do_not_make_up_for_those_with_it(world, tmp_path):
+    """Both started from an oracle of 100 M steps: all in all alike, but one has hardly met its estimator."""
+    for role, steps in ((TACTILE, 5_000_000), (ABLATED["no_shape"], 2_000_000)):
+        world.evaluated(
+            role, "nominal", [row for i in range(13) for row in world.draw(role, THINGS[i], 6, 12)]
+        )
+        name = world.run(role, steps=steps)
+        file = world.folder / "agents" / name / "agent.json"
+        file.write_text(
+            json.dumps(json.loads(file.read_text()) | {"warm_start": {"from": "it", "steps": 10**8}})
+        )
+    cell = tables(world, "table2", tmp_path)[0]["No shape info", "relative success rate"]
+    assert cell.status == "undefined" and "not trained alike with the estimator" in cell.note
