@@ -170,7 +170,11 @@ def test_pupils_wait_for_their_teacher(tmp_path):
     assert json.loads(prepare(plan).read_text())["train"][pupil.job]["after"] == [teacher.name]
     groups = [group.model_copy(update={"warm_start": None}) for group in plan.scale.runs]
     lone = plan.scale.model_copy(update={"runs": tuple(groups)})
-    assert json.loads(prepare(make_plan(lone, "scratch", tmp_path)).read_text())["train"][pupil.job]["after"]
+    jobs = json.loads(prepare(make_plan(lone, "scratch", tmp_path)).read_text())["train"]
+    assert jobs[pupil.job]["after"] == [teacher.name]
+    plain = {**plan.scale.presets, "taught": {"preset": "sac-small"}}
+    with pytest.raises(ScaleError, match=r"oracle-pos-geometric8-s0: algorithm 'sac' has no teacher.*'ppo'"):
+        run_settings(make_plan(plan.scale.model_copy(update={"presets": plain}), "scratch", tmp_path), pupil)
     missing = groups[1].model_copy(update={"teacher": "oracle-vecbps-{set}-s{seed}"})
     with pytest.raises(ScaleError, match=r"teacher .*nearest valid name: 'oracle-vec_bps-geometric8-s0'"):
         make_plan(
