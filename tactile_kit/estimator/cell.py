@@ -23,6 +23,7 @@ from tactile_kit.estimator.turn import turned
 from tactile_kit.hand.kinematics import MEAN_GRASP
 
 Encode = Callable[[Tensor, Tensor, Tensor], Tensor]
+Apply = Callable[[Tensor], Tensor]
 
 SAMPLES, JOINTS = 6, 12
 MEASUREMENTS = SAMPLES * 2 * JOINTS  # 144
@@ -36,6 +37,8 @@ JOINT_SCALE, ERROR_SCALE, LENGTH_SCALE = 0.3, 0.1, 0.03
 # Output scaling: what an object does in one step of 0.1 s (half a turn takes some 2.5 s). The last layer
 # starts small, so that an untrained cell is nearly still.
 POSITION_STEP, ROTATION_STEP, OUTPUT_GAIN = 0.01, 0.1, 0.1
+# No estimate may run away: an object 10 cm off is dropped (m, every axis), and turns by 0.1 rad a step.
+FARTHEST, LARGEST_TURN, LARGEST_LATENT = 0.12, 1.5, 30.0
 
 
 def mlp(sizes: Sequence[int], gain: float = 1.0) -> nn.Sequential:
@@ -89,11 +92,14 @@ class EstimatorCell(nn.Module):
         x = (LENGTH_SCALE * self.x0).expand(count, 3)
         return EstimatorState(x, R0.to(x.dtype), self.latent0.expand(count, -1))
 
-    def encode(self, z: Tensor) -> Tensor:
-        """Measurement features: ``(..., 144)`` to ``(..., 32)``. Needs no state: sequences can go whole."""
+    def encode(self, z: Tensor, encoder: Apply | None = None) -> Tensor:
+        """Measurement features: ``(..., 144)`` to ``(..., 32)``. Needs no state: sequences can go whole.
+
+        ``encoder`` stands in for the cell's own network, with the same weights: see ``repeated.Repeated``.
+        """
         if z.shape[-1] != MEASUREMENTS:
             raise EstimatorError(f"measurements have {z.shape[-1]} entries, allowed: {MEASUREMENTS}")
-        return self.encoder((z - self.z_mean) / self.z_scale)
+        return (encoder or self.encoder)((z - self.z_mean) / self.z_scale)
 
     def forward(self, state: EstimatorState, z: Tensor, encoding: Encode, mesh: Tensor) -> EstimatorState:
         """One update with a new measurement.
@@ -107,18 +113,30 @@ class EstimatorCell(nn.Module):
         """
         return self.step(state, self.encode(z), encoding, mesh)
 
-    def step(self, state: EstimatorState, features: Tensor, encoding: Encode, mesh: Tensor) -> EstimatorState:
-        """:meth:`forward` for measurements that :meth:`encode` has already seen."""
+    def step(
+        self,
+        state: EstimatorState,
+        features: Tensor,
+        encoding: Encode,
+        mesh: Tensor,
+        transition: Apply | None = None,
+    ) -> EstimatorState:
+        """:meth:`forward` for measurements that :meth:`encode` has already seen.
+
+        ``transition`` stands in for the cell's own network, as ``encoder`` does there.
+        """
         parts = [features, state.latent]
         if self.observation_size:
             seen = state.detach() if self.config.stop_gradient else state
             shape = encoding(seen.x, seen.R, mesh)
             parts.append(shape if self.features is None else self.features(shape / LENGTH_SCALE))
         parts += [state.x, so3.to_6d(state.R)]
-        residual = self.transition(torch.cat(parts, dim=-1) * self.input_scale)
+        residual = (transition or self.transition)(torch.cat(parts, dim=-1) * self.input_scale)
         latent, move, turn = residual.split([self.config.latent, 3, 3], dim=-1)
         return EstimatorState(
-            state.x + POSITION_STEP * move, turned(state.R, ROTATION_STEP * turn), state.latent + latent
+            (state.x + POSITION_STEP * move).clamp(-FARTHEST, FARTHEST),
+            turned(state.R, (ROTATION_STEP * turn).clamp(-LARGEST_TURN, LARGEST_TURN)),
+            (state.latent + latent).clamp(-LARGEST_LATENT, LARGEST_LATENT),
         )
 
     def sigmas(self, state: EstimatorState) -> Tensor:

@@ -16,7 +16,9 @@ PRESETS: dict[str, dict[str, object]] = {
         "encoder_hidden": (128, 128),
         "transition_hidden": (256, 256),
         "sigma_hidden": (64, 64),
-        "minibatch": 32,
+        "minibatch": 128,
+        "learning_rate": 1e-3,
+        "bfloat16": True,
     },
 }
 
@@ -49,6 +51,22 @@ class EstimatorConfig(Settings):
     weight_decay: float = Field(default=1e-5, ge=0, description="L2 penalty in Adam.")
     max_gradient_norm: float = Field(default=1.0, gt=0, description="Gradients are scaled down to this norm.")
     minibatch: int = Field(default=1024, ge=1, description="Sequences a gradient step.")
+    bfloat16: bool = Field(
+        default=False, description="Products of the transition in bfloat16 while it learns (sums in float32)."
+    )
+    averaging: float = Field(
+        default=0.997,
+        ge=0,
+        lt=1,
+        description="Weights act and are kept as their average over the gradient steps, the last ones by 1 - this; "
+        "0: as they are (own choice).",
+    )
+    lost_angle: float = Field(
+        default=1.0,
+        gt=0,
+        description="rad; estimates further off, or by lost_distance, begin a sequence of training near the truth.",
+    )
+    lost_distance: float = Field(default=0.05, gt=0, description="m, see lost_angle (own choice).")
     distance_unit: float = Field(
         default=0.01, gt=0, description="m, unit of shape distances in the likelihood (open in the paper)."
     )

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from tactile_kit.estimator import loss
+from tactile_kit.estimator import distances, loss
 from tactile_kit.estimator.cell import Encode, EstimatorCell
+from tactile_kit.estimator.repeated import Repeated
 from tactile_kit.estimator.sequences import Sequences
 from tactile_kit.estimator.state import EstimatorState
 
@@ -24,8 +25,11 @@ class Unrolled:
 
 def unroll(cell: EstimatorCell, sequences: Sequences, encoding: Encode) -> Unrolled:
     """Run the cell over all steps; an episode that starts inside begins at ``initial`` with no past."""
+    steps, count, bfloat16 = sequences.steps, len(sequences), cell.config.bfloat16
+    encoder = Repeated(cell.encoder, 1, steps * count, bfloat16)
+    transition = Repeated(cell.transition, steps, count, bfloat16)
     # unbind: one gradient for all steps, where indexing would add up T full-sized ones
-    features = cell.encode(sequences.z).unbind(0)
+    features = cell.encode(sequences.z.flatten(0, 1), encoder).unflatten(0, (steps, count)).unbind(0)
     state, before, after, shapes = sequences.state.detach(), [], [], []
 
     def encode(x: Tensor, R: Tensor, mesh: Tensor) -> Tensor:
@@ -37,7 +41,7 @@ def unroll(cell: EstimatorCell, sequences: Sequences, encoding: Encode) -> Unrol
         if restarts[t]:
             state = state.replaced(sequences.started[t], cell.initial(sequences.R_before[t]))
         before.append(state)
-        state = cell.step(state, features[t], encode, sequences.mesh[t])
+        state = cell.step(state, features[t], encode, sequences.mesh[t], transition)
         after.append(state)
     stack = [EstimatorState(*map(torch.stack, zip(*states, strict=True))) for states in (before, after)]
     return Unrolled(stack[0], stack[1], torch.stack(shapes) if shapes else None)
@@ -65,7 +69,7 @@ def sequence_loss(cell: EstimatorCell, sequences: Sequences, encoding: Encode, b
             about shape even for an estimator without shape input (the mesh is known in training).
     """
     run = unroll(cell, sequences, encoding)
-    started = sequences.started
+    started, mesh = sequences.started, sequences.mesh
     # A state after step t is the state before step t + 1, and its encoding has been computed there: only
     # where an episode or the sequence ends is another needed. The stored first state is data, not output: it
     # has no loss.
@@ -74,36 +78,52 @@ def sequence_loss(cell: EstimatorCell, sequences: Sequences, encoding: Encode, b
     ends = torch.ones_like(started)
     ends[:-1] = started[1:]
     ends &= sequences.valid
-    unit, mesh = cell.config.distance_unit, sequences.mesh
     with torch.no_grad():
-        truth = bps(sequences.x_before[counted], sequences.R_before[counted], mesh[counted])
+        truth = true_distances(sequences, bps)
         last_truth = bps(sequences.x[ends], sequences.R[ends], mesh[ends])
-    estimate = _distances(cell, run, counted, bps, mesh)
-    last = bps(run.after.x[ends], run.after.R[ends], mesh[ends])
-    latent = torch.cat([run.before.latent[counted], run.after.latent[ends]])
-    R_hat = torch.cat([run.before.R[counted], run.after.R[ends]])
-    R = torch.cat([sequences.R_before[counted], sequences.R[ends]])
-    sigmas = cell.sigmas_of(latent)
-    value, distance, angle = loss.estimator_loss(
-        torch.cat([truth, last_truth]), torch.cat([estimate, last]), R, R_hat, sigmas, unit
+    last = _off(bps(run.after.x[ends], run.after.R[ends], mesh[ends]), last_truth)
+    distance = torch.cat([_distances(cell, run, truth, bps, mesh), last]) / cell.config.distance_unit
+    angle = torch.cat(
+        [
+            distances.angle(run.before.R.flatten(0, 1), sequences.R_before.flatten(0, 1)),
+            distances.angle(run.after.R[ends], sequences.R[ends]),
+        ]
     )
+    sigmas = cell.sigmas_of(torch.cat([run.before.latent.flatten(0, 1), run.after.latent[ends]]))
+    value = loss.estimator_loss(distance, angle, sigmas)
+    final = torch.ones(len(last))
+    weight = torch.cat([counted.flatten().float(), final])
     # reported over states with an update behind them: at an episode's start the angle is zero by construction
-    updated = torch.cat([~started[counted], torch.ones(len(last), dtype=torch.bool)])
+    updated = torch.cat([(counted & ~started).flatten().float(), final])
+    updated = (updated / updated.sum())[:, None]
+    measured = torch.cat([distance[:, None], angle[:, None], sigmas], 1).detach()
+    shape, turned, *sigma = (updated * measured).sum(0)
     position = torch.linalg.vector_norm(run.after.x - sequences.x, dim=-1)[sequences.valid]
     return Losses(
-        value.mean(),
-        distance.detach()[updated].mean(),
-        angle.detach()[updated].mean(),
-        position.detach().mean(),
-        sigmas.detach()[updated].mean(0),
+        (value * weight).sum() / weight.sum(), shape, turned, position.detach().mean(), torch.stack(sigma)
     )
 
 
-def _distances(cell: EstimatorCell, run: Unrolled, counted: Tensor, bps: Encode, mesh: Tensor) -> Tensor:
-    """Distances at the estimates before each step, from the encoding where it contains them with their gradient."""
+def true_distances(sequences: Sequences, bps: Encode) -> Tensor:
+    """Basis-point distances ``(T E, N_b)`` m at the true pose before every step; those stored, where they are."""
+    if sequences.distances is not None:
+        return sequences.distances.flatten(0, 1)
+    with torch.no_grad():
+        return bps(
+            sequences.x_before.flatten(0, 1), sequences.R_before.flatten(0, 1), sequences.mesh.flatten()
+        )
+
+
+def _distances(cell: EstimatorCell, run: Unrolled, truth: Tensor, bps: Encode, mesh: Tensor) -> Tensor:
+    """d_v ``(T E,)`` m at the estimates before each step, from the encoding where it contains them with a gradient."""
     if run.shape is not None and not cell.config.stop_gradient:
         if cell.shape_name == "bps":
-            return run.shape[counted]
+            return _off(run.shape.flatten(0, 1), truth)
         if cell.shape_name == "vec_bps":
-            return loss.magnitudes(run.shape[counted])
-    return bps(run.before.x[counted], run.before.R[counted], mesh[counted])
+            return distances.vector_distance(run.shape.reshape(len(truth), -1, 3), truth)
+    before = run.before
+    return _off(bps(before.x.flatten(0, 1), before.R.flatten(0, 1), mesh.flatten()), truth)
+
+
+def _off(estimate: Tensor, truth: Tensor) -> Tensor:
+    return loss.shape_distance(truth, estimate)

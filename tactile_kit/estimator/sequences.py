@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import torch
 from torch import Tensor
@@ -21,7 +21,9 @@ class Sequences:
     valid: ``(T, E) bool``, the step has measurements and an outcome. Only an episode's last step can lack them, where
     the physics failed; its other entries must be finite numbers but are not used;
     state: what the estimator held before the first step (used where ``started[0]`` is not set), without a
-    graph.
+    graph;
+    distances: ``(T, E, N_b)`` m, basis-point distances at the true pose before each step, where they have been computed
+    already: every pass needs the same.
     """
 
     z: Tensor
@@ -33,6 +35,7 @@ class Sequences:
     R: Tensor
     valid: Tensor
     state: EstimatorState
+    distances: Tensor | None = None
 
     def __post_init__(self) -> None:
         if self.z.ndim != 3:
@@ -65,7 +68,16 @@ class Sequences:
     def columns(self, index: Tensor | slice) -> Sequences:
         """The sequences of some environments."""
         parts = {name: getattr(self, name)[:, index] for name in _ARRAYS}
-        return Sequences(**parts, state=self.state.rows(index))
+        distances = None if self.distances is None else self.distances[:, index]
+        return Sequences(**parts, state=self.state.rows(index), distances=distances)
+
+    def starting(self, state: EstimatorState) -> Sequences:
+        """The same steps after another ``state``."""
+        return replace(self, state=state)
+
+    def with_distances(self, distances: Tensor) -> Sequences:
+        """The same steps with their basis-point distances ``(T E, N_b)`` m."""
+        return replace(self, distances=distances.unflatten(0, self.z.shape[:2]))
 
     @staticmethod
     def joined(parts: list[Sequences]) -> Sequences:
@@ -87,4 +99,4 @@ class Sequences:
         return cls(**{name: tensors[name] for name in _ARRAYS}, state=state)
 
 
-_ARRAYS = tuple(field.name for field in fields(Sequences) if field.name != "state")
+_ARRAYS = tuple(field.name for field in fields(Sequences) if field.name not in ("state", "distances"))

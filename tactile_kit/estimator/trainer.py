@@ -1,26 +1,35 @@
-"""Supervised training of the cell on recorded sequences: truncated backpropagation through time, Adam."""
+"""Supervised training of the cell on recorded sequences: truncated backpropagation through time, Adam, averaging."""
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
 
 import torch
 from torch import Tensor
 
-from randomization import stream
+from randomization import derive, stream
+from tactile_kit.estimator import so3
+from tactile_kit.estimator.averaging import Average
 from tactile_kit.estimator.cell import Encode, EstimatorCell
 from tactile_kit.estimator.errors import EstimatorError
-from tactile_kit.estimator.recurrence import sequence_loss
+from tactile_kit.estimator.recurrence import sequence_loss, true_distances
 from tactile_kit.estimator.sequences import Sequences
+from tactile_kit.estimator.state import EstimatorState
+from tactile_kit.estimator.turn import turned
 
 _MOMENTS = ("exp_avg", "exp_avg_sq", "step")
+#: How far from the truth, at most, a lost estimate is put back: standard deviations in m and rad.
+PUT_BACK = (0.012, 0.35)
 
 
 class EstimatorTrainer:
     """Adam on minibatches of sequences (learning rate, betas, weight decay, gradient norm: the website's).
 
+    What learns is a copy; ``cell`` gets the average of its weights.
+
     Args:
-        cell: trained in place.
+        cell: overwritten in place; whatever weights it has at the first training are learned on from.
         encoding: the cell's shape encoding; bps: the distance encoding for the loss, over the same meshes.
         seed: of the shuffling; minibatches depend on it and on the iteration alone.
 
@@ -31,8 +40,10 @@ class EstimatorTrainer:
     def __init__(self, cell: EstimatorCell, encoding: Encode, bps: Encode, seed: int = 0) -> None:
         config = cell.config
         self.cell, self.encoding, self.bps, self.seed, self.iteration = cell, encoding, bps, seed, 0
+        self.learning = copy.deepcopy(cell)
+        self.average = Average(cell, self.learning, config.averaging)
         self.optimizer = torch.optim.Adam(
-            cell.parameters(),
+            self.learning.parameters(),
             lr=config.learning_rate,
             betas=config.betas,
             weight_decay=config.weight_decay,
@@ -43,15 +54,19 @@ class EstimatorTrainer:
         """Gradient steps on ``visits`` sequences, shuffled through all of ``recent`` before any comes twice.
 
         Returns means over the minibatches: ``loss``, ``shape_error`` (m), ``angle_error`` (rad),
-        ``position_error`` (m), ``sigma_v`` (m), ``sigma_R`` (rad), ``gradient_norm`` (before clipping).
+        ``position_error`` (m), ``sigma_v`` (m), ``sigma_R`` (rad), ``gradient_norm`` (before clipping), and ``lost``:
+        the share of sequences whose estimate was put back near the truth.
         Raises EstimatorError if a loss or gradient is not finite; the weights are then as before that
         minibatch.
         """
-        pool = Sequences.joined(recent)
-        totals = torch.zeros(7)
-        minibatches = 0
         if visits < 1:
             raise EstimatorError(f"visits = {visits}, allowed: 1 and more")
+        if not self.average.steps:  # a warm start may have filled the cell since
+            self.learning.load_state_dict(self.cell.state_dict())
+        pool = Sequences.joined(recent)
+        pool, lost = self._put_back(pool.with_distances(true_distances(pool, self.bps)))
+        totals = torch.zeros(7)
+        minibatches = 0
         for index in self._minibatches(len(pool), visits):
             totals += self._step(pool.columns(index))
             minibatches += 1
@@ -65,7 +80,23 @@ class EstimatorTrainer:
             "sigma_R",
             "gradient_norm",
         )
-        return dict(zip(names, (totals / minibatches).tolist(), strict=True))
+        return dict(zip(names, (totals / minibatches).tolist(), strict=True)) | {"lost": lost}
+
+    def _put_back(self, pool: Sequences) -> tuple[Sequences, float]:
+        """Sequences that begin with a lost estimate begin near the truth instead; and their share.
+
+        What is lost teaches nothing: far from the object, no step tells where it is.
+        """
+        config, state = self.cell.config, pool.state
+        x, R = pool.x_before[0], pool.R_before[0]
+        off = torch.linalg.vector_norm(state.x - x, dim=-1)
+        lost = (so3.geodesic(state.R, R) > config.lost_angle) | (off > config.lost_distance)
+        generator = torch.Generator().manual_seed(derive(self.seed, "estimator", "lost", self.iteration))
+        far = torch.rand(len(x), 1, generator=generator) ** 1.5  # one share of both: most begin near
+        place, turn = (far * size * torch.randn(len(x), 3, generator=generator) for size in PUT_BACK)
+        with torch.no_grad():
+            near = EstimatorState(x + place, turned(R, turn), self.learning.initial(R).latent)
+        return pool.starting(state.replaced(lost, near)), float(lost.float().mean())
 
     def _minibatches(self, count: int, visits: int) -> Iterator[Tensor]:
         rng = stream(self.seed, "estimator", "minibatches", self.iteration)
@@ -77,40 +108,47 @@ class EstimatorTrainer:
 
     def _step(self, sequences: Sequences) -> Tensor:
         self.optimizer.zero_grad(set_to_none=True)
-        losses = sequence_loss(self.cell, sequences, self.encoding, self.bps)
+        losses = sequence_loss(self.learning, sequences, self.encoding, self.bps)
         losses.loss.backward()
         limit = self.cell.config.max_gradient_norm
-        norm = torch.nn.utils.clip_grad_norm_(self.cell.parameters(), limit)
+        norm = torch.nn.utils.clip_grad_norm_(self.learning.parameters(), limit)
         if not torch.isfinite(losses.loss + norm):
             raise EstimatorError(
                 f"estimator training, iteration {self.iteration}: loss {losses.loss.item()}, gradient norm "
                 f"{norm.item()}, allowed: finite numbers"
             )
         self.optimizer.step()
+        self.average.update()
         unit = self.cell.config.distance_unit
         parts = [losses.loss, unit * losses.shape, losses.angle, losses.position, unit * losses.sigma[0]]
         return torch.stack([*parts, losses.sigma[1], norm]).detach().float()
 
     def state_tensors(self) -> dict[str, Tensor]:
-        """Weights, Adam's moments and the iteration as flat named tensors: ``cell.*``, ``adam.*``, ``iteration``."""
+        """Weights (average and raw), Adam's moments and counters as flat named tensors.
+
+        ``cell.*``, ``learning.*``, ``adam.*``, ``averaged``, ``iteration``.
+        """
         flat = {f"cell.{name}": value.detach().clone() for name, value in self.cell.state_dict().items()}
-        for name, parameter in self.cell.named_parameters():
+        for name, value in self.learning.state_dict().items():
+            flat[f"learning.{name}"] = value.detach().clone()
+        for name, parameter in self.learning.named_parameters():
             for moment, value in self.optimizer.state.get(parameter, {}).items():
                 flat[f"adam.{moment}.{name}"] = torch.as_tensor(value).detach().clone()
-        return flat | {"iteration": torch.tensor(self.iteration)}
+        return flat | {
+            "averaged": torch.tensor(self.average.steps),
+            "iteration": torch.tensor(self.iteration),
+        }
 
     def load_state_tensors(self, flat: dict[str, Tensor]) -> None:
         """Inverse of :meth:`state_tensors`. Raises EstimatorError if names or shapes don't fit the cell."""
-        weights = {
-            name.removeprefix("cell."): value for name, value in flat.items() if name.startswith("cell.")
-        }
-        load_weights(self.cell, weights)
+        for part, cell in (("cell.", self.cell), ("learning.", self.learning)):
+            load_weights(cell, {k.removeprefix(part): v for k, v in flat.items() if k.startswith(part)})
         self.optimizer.state.clear()
-        for name, parameter in self.cell.named_parameters():
+        for name, parameter in self.learning.named_parameters():
             found = {moment: flat[key] for moment in _MOMENTS if (key := f"adam.{moment}.{name}") in flat}
             if found:
                 self.optimizer.state[parameter] = {moment: value.clone() for moment, value in found.items()}
-        self.iteration = int(flat["iteration"])
+        self.average.steps, self.iteration = int(flat["averaged"]), int(flat["iteration"])
 
 
 def load_weights(cell: EstimatorCell, weights: dict[str, Tensor]) -> None:

@@ -92,6 +92,19 @@ def test_rotation_stays_orthonormal() -> None:
     assert torch.linalg.det(state.R).min() > 0.99
 
 
+def test_no_estimate_runs_away() -> None:
+    cell, shape, _ = make()
+    with torch.no_grad():
+        cell.transition[-1].weight.mul_(1e4)
+        state = cell.initial(torch.eye(3).repeat(8, 1, 1))
+        generator = torch.Generator().manual_seed(0)
+        for _ in range(50):
+            z = torch.randn(8, 144, generator=generator)
+            state = cell(state, z, shape, torch.zeros(8, dtype=torch.int64))
+    assert state.x.abs().max() == pytest.approx(0.12)
+    assert state.latent.abs().max() == pytest.approx(30.0)
+
+
 def test_sigmas_are_positive_and_bounded_below() -> None:
     cell, *_ = make()
     with torch.no_grad():
@@ -210,8 +223,9 @@ def _with(data: Sequences, **changes) -> Sequences:
 
 
 def _steps(data: Sequences, index: slice) -> Sequences:
-    names = [name for name in data.__dataclass_fields__ if name != "state"]
-    return Sequences(**{name: getattr(data, name)[index] for name in names}, state=data.state)
+    parts = data.tensors()
+    arrays = {name: value[index] for name, value in parts.items() if not name.startswith("state.")}
+    return Sequences(**arrays, state=data.state)
 
 
 def _double(data: Sequences) -> Sequences:

@@ -32,8 +32,8 @@ def test_loss_is_minimal_at_the_truth() -> None:
     truth = bps(x, R, mesh)
 
     def value(dx: torch.Tensor, dr: torch.Tensor) -> float:
-        estimate = bps(x + dx, exp(dr) @ R, mesh)
-        return float(estimator_loss(truth, estimate, R, exp(dr) @ R, sigmas, 0.01)[0])
+        estimate, R_hat = bps(x + dx, exp(dr) @ R, mesh), exp(dr) @ R
+        return float(estimator_loss(shape_distance(truth, estimate) / 0.01, geodesic(R_hat, R), sigmas))
 
     zero = torch.zeros(1, 3)
     least = value(zero, zero)
@@ -51,9 +51,8 @@ def test_shape_term_is_blind_to_symmetry_and_the_angle_term_is_not() -> None:
     mesh, x, R = torch.zeros(1, dtype=torch.int64), torch.zeros(1, 3), torch.eye(3)[None]
     quarter = exp(torch.tensor([[0.0, 0.0, np.pi / 2]]))
     truth, turned = bps(x, R, mesh), bps(x, quarter, mesh)
-    _, distance, angle = estimator_loss(truth, turned, R, quarter, torch.ones(1, 2), 0.01)
-    assert distance < 1e-4
-    assert angle == pytest.approx(np.pi / 2, abs=1e-5)
+    assert shape_distance(truth, turned) < 1e-6
+    assert geodesic(quarter, R) == pytest.approx(np.pi / 2, abs=1e-5)
 
 
 def test_best_sigma_is_the_size_of_the_error() -> None:
@@ -122,6 +121,56 @@ def test_saved_state_continues_exactly() -> None:
         assert torch.equal(value, other.state_tensors()[name]), name
 
 
+def test_the_cell_is_the_average_of_what_learns() -> None:
+    trainer, data = trained(0)
+    seen = []
+    update = trainer.average.update
+    trainer.average.update = lambda: (
+        update(),
+        seen.append([p.clone() for p in trainer.learning.parameters()]),
+    )
+    for _ in range(12):
+        trainer.train(data, visits=40)
+    average = seen[0]
+    for number, raw in enumerate(seen, 1):
+        share = max(1 - TINY.averaging, 9 / (9 + number))
+        average = [(1 - share) * a + share * b for a, b in zip(average, raw, strict=True)]
+    for kept, wanted in zip(trainer.cell.parameters(), average, strict=True):
+        torch.testing.assert_close(kept.data, wanted.data, rtol=1e-4, atol=1e-5)
+
+
+def test_training_goes_on_from_the_weights_that_the_cell_was_given() -> None:
+    trainer, data = trained(6)
+    cell, shape, bps = make(seed=5)
+    other = EstimatorTrainer(cell, shape, bps, seed=3)
+    cell.load_state_dict(trainer.cell.state_dict())  # a warm start
+    other.train(data, visits=1)
+    for one, given in zip(other.learning.parameters(), trainer.cell.parameters(), strict=True):
+        assert (one - given).abs().max() < 3 * TINY.learning_rate
+
+
+def test_lost_estimates_are_put_back_near_the_truth_and_others_left_alone() -> None:
+    cell, shape, bps = make()
+    trainer = EstimatorTrainer(cell, shape, bps)
+    data = motion(np.random.default_rng(4), 3, 40, TINY.latent)
+    turn = torch.zeros(40, 3)
+    turn[:10, 0], turn[10:20, 1] = 1.3, 0.8  # rad: lost, not lost
+    x = data.x_before[0].clone()
+    x[20:30, 2] += 0.06
+    latent = torch.ones(40, TINY.latent)
+    state = type(data.state)(x, exp(turn) @ data.R_before[0], latent)
+    pool, share = trainer._put_back(data.starting(state))
+    assert share == pytest.approx(20 / 40)
+    kept = [*range(10, 20), *range(30, 40)]
+    for new, old in zip(pool.state.rows(kept), state.rows(kept), strict=True):
+        assert torch.equal(new, old)
+    back = [*range(10), *range(20, 30)]
+    assert geodesic(pool.state.R, data.R_before[0])[back].max() < 1.2
+    assert (pool.state.x - data.x_before[0]).norm(dim=1)[back].max() < 0.05
+    assert geodesic(pool.state.R, data.R_before[0])[back].mean() > 0.02
+    assert torch.equal(pool.state.latent[back], cell.latent0.detach().expand(20, -1))
+
+
 def test_weights_of_another_size_are_refused() -> None:
     trainer, _ = trained(1)
     cell, shape, bps = make(TINY.model_copy(update={"latent": 7}))
@@ -133,7 +182,7 @@ def test_gradients_are_scaled_to_the_limit() -> None:
     cell, shape, bps = make(TINY.model_copy(update={"max_gradient_norm": 1e-3}))
     trainer = EstimatorTrainer(cell, shape, bps)
     metrics = trainer.train([motion(np.random.default_rng(0), 4, 8, TINY.latent)], visits=8)
-    norm = torch.sqrt(sum(p.grad.square().sum() for p in cell.parameters()))
+    norm = torch.sqrt(sum(p.grad.square().sum() for p in trainer.learning.parameters()))
     assert metrics["gradient_norm"] > 1e-3
     assert norm.item() == pytest.approx(1e-3, rel=1e-3)
 
