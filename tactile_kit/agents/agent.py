@@ -31,7 +31,7 @@ class Agent:
         manifest: agent.json.
         task: the task it was trained on.
         policy: the actor, in evaluation mode.
-        estimator: EstimatorCell of a tactile agent, else None.
+        estimator: cell of a tactile agent, else None.
     """
 
     directory: Path
@@ -166,7 +166,7 @@ def fill(module: torch.nn.Module, tensors: dict[str, torch.Tensor], where: Path)
 
 def load_estimator(directory: Path, manifest: Manifest):
     """The estimator cell of a tactile agent's directory; raises AgentError."""
-    from tactile_kit.estimator import EstimatorCell, EstimatorConfig
+    from tactile_kit.estimator import EstimatorConfig, EstimatorError, cell_of
 
     path = directory / "estimator.safetensors"
     if manifest.estimator is None or path.name not in manifest.weights:
@@ -176,6 +176,9 @@ def load_estimator(directory: Path, manifest: Manifest):
     except ValidationError as problem:
         raise AgentError(f"{directory / 'agent.json'}: estimator: {problem}") from None
     with torch.random.fork_rng(devices=[]):
-        cell = EstimatorCell(config, encoding_class(config.encoding or manifest.encoding))
+        try:
+            cell = cell_of(config, encoding_class(config.encoding or manifest.encoding))
+        except EstimatorError as problem:
+            raise AgentError(f"{directory / 'agent.json'}: {problem}") from None
     fill(cell, read_tensors(path, manifest.weights[path.name]), path)
     return cell.eval()

@@ -65,8 +65,13 @@ class PPOConfig(Settings):
     taught_steps: PositiveInt = Field(
         4_000_000, description="Environment steps at the start in which the policy only follows its teacher."
     )
+    fixed_steps: int = Field(
+        0,
+        ge=0,
+        description="Environment steps at the start in which the policy acts and nothing of it learns.",
+    )
     critic_steps: int = Field(
-        0, ge=0, description="Environment steps at the start in which only the critic follows the roll-outs."
+        0, ge=0, description="Environment steps after them in which only the critic follows the roll-outs."
     )
     actor: NetworkConfig = NetworkConfig()
     critic: NetworkConfig = NetworkConfig()

@@ -21,6 +21,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 from randomization import derive, stream
+from tactile_kit.agents import fixed
 from tactile_kit.agents.config import PPOConfig
 from tactile_kit.agents.imitation import Examples, distance, imitate
 from tactile_kit.agents.networks import InputLayout
@@ -187,6 +188,8 @@ class PPO(stable_baselines3.PPO):
     def iterate(self, callback: BaseCallback) -> bool:
         """One roll-out and its update; False when the callback asked to stop."""
         assert self.env is not None
+        if self.num_timesteps < self.config.fixed_steps:
+            return fixed.roll_out(self, callback)
         go_on = self.collect_rollouts(self.env, callback, self.rollout_buffer, self.n_steps)
         if go_on:
             self.train()
@@ -214,7 +217,10 @@ class PPO(stable_baselines3.PPO):
             densities = gaussian_log_density(actions, old_means + left_over, old_log_std + narrower)
         taught, shown = self.taught, self._shown.flatten(0, 1)
         batches = max(len(inputs) // (min(self.batch_size, MINIBATCH) if taught else self.batch_size), 1)
-        cloning, leads = self._cloning(), not taught and self.num_timesteps > config.critic_steps
+        cloning, leads = (
+            self._cloning(),
+            not taught and self.num_timesteps > config.fixed_steps + config.critic_steps,
+        )
         for _ in range(config.epochs):
             for chosen in np.array_split(self.order.permutation(len(inputs)), batches):
                 at = torch.from_numpy(chosen)

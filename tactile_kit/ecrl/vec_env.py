@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from tactile_kit.ecrl.config import ECRLConfig
 from tactile_kit.ecrl.coupling import Coupling
-from tactile_kit.estimator.cell import EstimatorCell, new_cell
+from tactile_kit.ecrl.watch import Watch
+from tactile_kit.estimator.cell import EstimatorCell
+from tactile_kit.estimator.cells import new_cell
 from tactile_kit.estimator.config import EstimatorConfig
 from tactile_kit.estimator.errors import EstimatorError
 from tactile_kit.estimator.kalman import KalmanFilter
@@ -20,6 +22,7 @@ from tactile_kit.simulation.simulator import Status
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.goals import EpisodeSpec
 from tactile_kit.task.observation import Belief
+from tactile_kit.task.rotations import geodesic
 from tactile_kit.task.variants import Variants
 from tactile_kit.task.vec_env import ReorientVecEnv
 
@@ -72,7 +75,7 @@ class TactileVecEnv(ReorientVecEnv):
         except BaseException:
             self.close()  # the workers are running already
             raise
-        self.estimator = self.coupling.estimator
+        self.estimator, self.watch = self.coupling.estimator, Watch()
         self.training = episodes is None if training is None else training
 
     def _couple(
@@ -106,12 +109,26 @@ class TactileVecEnv(ReorientVecEnv):
 
     def _update_belief(self) -> Belief:
         state, valid = self.state, self.simulation.views["status"] != Status.FAULT
+        before = self.coupling.true_rotation
         self.coupling.update(state.z, state.given, state.x, state.R, valid)
+        if self.training:
+            self.watch.step(self.coupling.state.R.numpy(), state.R, before, self.coupling.truth)
         return Belief(*self.coupling.pose())
 
+    def _finish(
+        self, i: int, theta: float, status: Status, ended: dict[str, Any], observation: NDArray[Any]
+    ) -> dict[str, Any]:
+        info = super()._finish(i, theta, status, ended, observation)
+        if self.training and not self.coupling.truth[i]:
+            R_hat, state = self.coupling.state.R[i].numpy(), self.state
+            believed, off = geodesic(R_hat, state.goal[i]), geodesic(R_hat, state.R[i])
+            dropped = info["drop"] or status == Status.FAULT
+            self.watch.end(info["success"], dropped, theta, float(believed), float(off))
+        return info
+
     def metrics(self) -> dict[str, float]:
-        """rho and what the last training of the estimator measured (``estimator/...``; errors in m and rad)."""
-        return self.coupling.metrics()
+        """rho, what the estimator's last training measured (``estimator/...``, m and rad), and the figures of ``Watch``."""
+        return self.coupling.metrics() | self.watch.take()
 
     def get_state(self) -> dict[str, NDArray[Any]]:
         """Weights, optimiser, recordings, states and counters as named arrays; the simulation is not in it."""

@@ -9,6 +9,7 @@ import importlib
 from typing import Any
 
 _HOMES = {
+    "CELLS": "cells",
     "EstimatorCell": "cell",
     "EstimatorConfig": "config",
     "EstimatorError": "errors",
@@ -18,8 +19,9 @@ _HOMES = {
     "KalmanFilter": "kalman",
     "Sequences": "sequences",
     "estimator_loss": "loss",
-    "new_cell": "cell",
-    "sequence_loss": "recurrence",
+    "cell_of": "cells",
+    "new_cell": "cells",
+    "sequence_loss": "losses",
 }
 __all__ = sorted(_HOMES)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from typing import Literal
 
 from pydantic import Field, PositiveInt
 
@@ -29,6 +30,14 @@ class EstimatorConfig(Settings):
     Layer sizes, optimiser and minibatch are the website's; what it leaves open says so.
     """
 
+    cell: str = Field(
+        default="paper",
+        description="What the recurrence looks at: paper, or fingers (own; estimator/cells.py).",
+    )
+    loss: Literal["likelihood", "pose"] = Field(
+        default="likelihood",
+        description="The paper's, or plain distances of the pose with sigma beside them (own).",
+    )
     encoding: str | None = Field(
         default=None,
         description="Shape encoding in the recurrence: none (no shape), bps (distances only) ...; null: the policy's.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -11,9 +12,9 @@ from torch import Tensor
 from randomization import derive, stream
 from tactile_kit.estimator import so3
 from tactile_kit.estimator.averaging import Average
-from tactile_kit.estimator.cell import Encode, EstimatorCell
+from tactile_kit.estimator.cell import EstimatorCell
 from tactile_kit.estimator.errors import EstimatorError
-from tactile_kit.estimator.recurrence import sequence_loss, true_distances
+from tactile_kit.estimator.losses import Encode, sequence_loss, true_distances
 from tactile_kit.estimator.sequences import Sequences
 from tactile_kit.estimator.state import EstimatorState
 from tactile_kit.estimator.turn import turned
@@ -37,7 +38,7 @@ class EstimatorTrainer:
         iteration: calls of :meth:`train` so far.
     """
 
-    def __init__(self, cell: EstimatorCell, encoding: Encode, bps: Encode, seed: int = 0) -> None:
+    def __init__(self, cell: EstimatorCell, encoding: Any, bps: Encode, seed: int = 0) -> None:
         config = cell.config
         self.cell, self.encoding, self.bps, self.seed, self.iteration = cell, encoding, bps, seed, 0
         self.learning = copy.deepcopy(cell)
@@ -64,7 +65,9 @@ class EstimatorTrainer:
         if not self.average.steps:  # a warm start may have filled the cell since
             self.learning.load_state_dict(self.cell.state_dict())
         pool = Sequences.joined(recent)
-        pool, lost = self._put_back(pool.with_distances(true_distances(pool, self.bps)))
+        if self.cell.config.loss == "likelihood":
+            pool = pool.with_distances(true_distances(pool, self.bps))  # every pass needs the same
+        pool, lost = self._put_back(pool)
         totals = torch.zeros(7)
         minibatches = 0
         for index in self._minibatches(len(pool), visits):

@@ -104,7 +104,7 @@ def _forward(
         unit is not None,
     )
     if status != kernels.OK:
-        _refuse_row(status, row, x, R, mesh, len(table))
+        refuse_row(status, row, x, R, mesh, len(table))
     return vectors
 
 
@@ -121,7 +121,7 @@ def _refuse(x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor) -> None:
     )
 
 
-def _refuse_row(
+def refuse_row(
     status: int, row: int, x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor, meshes: int
 ) -> None:
     if status == kernels.BAD_MESH:

@@ -15,6 +15,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 K = 64  # basis points, compile-time so that lane loops have a fixed length
+M = 16  # points that move with the fingers, likewise; they use the first lanes of every row
 QX, QY, QZ, BEST, WINNER = 0, K, 2 * K, 3 * K, 4 * K  # rows of the scratch
 EDGE = 5 * K  # then 4 x (offset in plane, direction in plane) of the winner's three edges and its face
 LANES = 16  # triangles of a block and boxes of a group: one AVX-512 register of float32
@@ -108,11 +109,11 @@ def _check(position, rotation, mesh, meshes):
 
 
 @njit(**_INSIDE)
-def _search(rows, start, stop, s):
-    """Nearest triangle of rows[start:stop] for each of the K points: squared distance and index (kept as a float)."""
+def _search(rows, start, stop, s, count):
+    """Nearest triangle of rows[start:stop] for ``count`` points: squared distance and index (kept as a float)."""
     real = s.dtype.type
     zero = real(0)
-    for k in range(K):
+    for k in range(count):
         s[BEST + k] = real(1e30)
         s[WINNER + k] = zero
     for f in range(start, stop):
@@ -123,7 +124,7 @@ def _search(rows, start, stop, s):
         bx, by, bc = rows[f, 13], rows[f, 14], rows[f, 15]
         cx, cy, ac = rows[f, 16], rows[f, 17], rows[f, 18]
         index = real(f - start)
-        for k in range(K):
+        for k in range(count):
             x, y, z = s[QX + k], s[QY + k], s[QZ + k]
             p = ux * x + uy * y + uz * z + u0
             t = wx * x + wy * y + wz * z + w0
@@ -176,7 +177,7 @@ def _search_block(blocks, block, x, y, z, s):
 
 
 @njit(**_INSIDE)
-def _search_boxes(blocks, bounds, first, last, triangles, s):
+def _search_boxes(blocks, bounds, first, last, triangles, s, count):
     """As _search for a big mesh: per point, only blocks whose box is nearer than the best triangle so far."""
     real = s.dtype.type
     zero = real(0)
@@ -188,7 +189,7 @@ def _search_boxes(blocks, bounds, first, last, triangles, s):
     low_x, low_y, low_z = bounds[0, here], bounds[1, here], bounds[2, here]
     high_x, high_y, high_z = bounds[3, here], bounds[4, here], bounds[5, here]
     blocks = blocks[here]
-    for k in range(K):
+    for k in range(count):
         x, y, z = s[QX + k], s[QY + k], s[QZ + k]
         for i in range(boxes):
             dx = max(max(low_x[i] - x, x - high_x[i]), zero)
@@ -222,7 +223,7 @@ def _search_boxes(blocks, bounds, first, last, triangles, s):
 
 
 @njit(**_INSIDE)
-def _finish(rows, normals, start, rotation, s, vectors, unit, save):
+def _finish(rows, normals, start, rotation, s, vectors, unit, save, count):
     """Closest-point vectors of the winners (hand frame), zero inside; and what the backward pass needs if save."""
     real = s.dtype.type
     zero, one = real(0), real(1)
@@ -234,7 +235,7 @@ def _finish(rows, normals, start, rotation, s, vectors, unit, save):
     s[EDGE + 6], s[EDGE + 7] = zero, zero
     s[EDGE + 8], s[EDGE + 9] = one, zero
     s[EDGE + 14], s[EDGE + 15] = zero, zero
-    for k in range(K):
+    for k in range(count):
         f = start + int(s[WINNER + k])
         x, y, z = s[QX + k], s[QY + k], s[QZ + k]
         p = rows[f, 0] * x + rows[f, 1] * y + rows[f, 2] * z + rows[f, 3]
@@ -297,28 +298,26 @@ def _finish(rows, normals, start, rotation, s, vectors, unit, save):
 
 
 @njit(**_INSIDE)
-def _localise(points, position, rotation, s):
-    """Basis points in the object's frame, q = R^T (p - x), as three rows of lanes."""
+def _localise(points, position, rotation, s, count):
+    """Points (3, count) in the object's frame, q = R^T (p - x), as three rows of lanes."""
     x, y, z = position[0], position[1], position[2]
     r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
     r10, r11, r12 = rotation[1, 0], rotation[1, 1], rotation[1, 2]
     r20, r21, r22 = rotation[2, 0], rotation[2, 1], rotation[2, 2]
-    for k in range(K):
+    for k in range(count):
         s[QX + k], s[QY + k], s[QZ + k] = points[0, k], points[1, k], points[2, k]
-    for k in range(K):
+    for k in range(count):
         dx, dy, dz = s[QX + k] - x, s[QY + k] - y, s[QZ + k] - z
         s[QX + k] = r00 * dx + r10 * dy + r20 * dz
         s[QY + k] = r01 * dx + r11 * dy + r21 * dz
         s[QZ + k] = r02 * dx + r12 * dy + r22 * dz
 
 
-@njit(**_OPTIONS)
-def forward(points, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, vectors, unit, save):
-    """Vectors (B, K, 3) from the basis points (3, K) to the posed meshes; returns a status and the row it is about.
-
-    unit receives e and alpha for the backward pass: (B, K, 4) if save, else any (1, K, 4), which is left alone.
-    """
+@njit(forceinline=True, **_OPTIONS)
+def _encode(points, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, vectors, unit, save, count):
+    """What forward does; points (1, 3, count) shared by all poses, or (B, 3, count)."""
     size, meshes = x.shape[0], offsets.shape[0] - 1
+    own = points.shape[0] > 1
     widest = 0
     for b in range(size):
         status = _check(x[b], R[b], mesh[b], meshes)
@@ -331,13 +330,29 @@ def forward(points, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, 
         b = order[i]
         start, stop = offsets[mesh[b]], offsets[mesh[b] + 1]
         first, last = groups[mesh[b]], groups[mesh[b] + 1]
-        _localise(points, x[b], R[b], s)
+        _localise(points[b if own else 0], x[b], R[b], s, count)
         if last > first:
-            _search_boxes(blocks, bounds, first, last, stop - start, s)
+            _search_boxes(blocks, bounds, first, last, stop - start, s, count)
         else:
-            _search(rows, start, stop, s)
-        _finish(rows, normals, start, R[b], s, vectors[b], unit[b if save else 0], save)
+            _search(rows, start, stop, s, count)
+        _finish(rows, normals, start, R[b], s, vectors[b], unit[b if save else 0], save, count)
     return OK, 0
+
+
+@njit(**_OPTIONS)
+def forward(points, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, vectors, unit, save):
+    """Vectors (B, K, 3) from the basis points (3, K) to the posed meshes; returns a status and the row it is about.
+
+    unit receives e and alpha for the backward pass: (B, K, 4) if save, else any (1, K, 4), which is left alone.
+    """
+    shared = points.reshape(1, 3, K)
+    return _encode(shared, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, vectors, unit, save, K)
+
+
+@njit(**_OPTIONS)
+def forward_moving(points, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, vectors, unit, save):
+    """As forward, from points (B, 3, M) of every pose's own: vectors (B, M, 3), unit (B, M, 4)."""
+    return _encode(points, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, vectors, unit, save, M)
 
 
 @njit(**_OPTIONS)
@@ -357,24 +372,26 @@ def _by_mesh(mesh, meshes):
     return order
 
 
-@njit(**_FAST)
-def backward(points, x, R, vectors, unit, gradient, x_gradient, R_gradient):
-    """Closed form, no search. With g the incoming gradient (B, K, 3) of each vector v, and e, alpha from forward:
+@njit(**_INSIDE)
+def _return(points, x, R, vectors, unit, gradient, x_gradient, R_gradient, count):
+    """Closed form, no search. With g the incoming gradient (B, count, 3) of each vector v, and e, alpha from _encode:
     h = alpha g + (1 - 2 alpha) (e.g) e,  dL/dx = sum h,  dL/dR = [sum g v^T - (p - x) h^T] R.
     """
     real = vectors.dtype.type
     zero, one, two = real(0), real(1), real(2)
+    own = points.shape[0] > 1
     for b in range(x.shape[0]):
+        at = points[b if own else 0]
         x0, x1, x2 = x[b, 0], x[b, 1], x[b, 2]
         h0, h1, h2 = zero, zero, zero
         m00, m01, m02, m10, m11, m12, m20, m21, m22 = zero, zero, zero, zero, zero, zero, zero, zero, zero
-        for k in range(K):
+        for k in range(count):
             g0, g1, g2 = gradient[b, k, 0], gradient[b, k, 1], gradient[b, k, 2]
             v0, v1, v2 = vectors[b, k, 0], vectors[b, k, 1], vectors[b, k, 2]
             e0, e1, e2, alpha = unit[b, k, 0], unit[b, k, 1], unit[b, k, 2], unit[b, k, 3]
             along = (one - two * alpha) * (e0 * g0 + e1 * g1 + e2 * g2)
             a0, a1, a2 = alpha * g0 + along * e0, alpha * g1 + along * e1, alpha * g2 + along * e2
-            p0, p1, p2 = points[0, k] - x0, points[1, k] - x1, points[2, k] - x2
+            p0, p1, p2 = at[0, k] - x0, at[1, k] - x1, at[2, k] - x2
             h0 += a0
             h1 += a1
             h2 += a2
@@ -393,3 +410,15 @@ def backward(points, x, R, vectors, unit, gradient, x_gradient, R_gradient):
             R_gradient[b, 0, j] = m00 * c0 + m01 * c1 + m02 * c2
             R_gradient[b, 1, j] = m10 * c0 + m11 * c1 + m12 * c2
             R_gradient[b, 2, j] = m20 * c0 + m21 * c1 + m22 * c2
+
+
+@njit(**_FAST)
+def backward(points, x, R, vectors, unit, gradient, x_gradient, R_gradient):
+    """Gradients (B, 3) and (B, 3, 3) of position and orientation from that of forward's vectors (B, K, 3)."""
+    _return(points.reshape(1, 3, K), x, R, vectors, unit, gradient, x_gradient, R_gradient, K)
+
+
+@njit(**_FAST)
+def backward_moving(points, x, R, vectors, unit, gradient, x_gradient, R_gradient):
+    """The same for forward_moving."""
+    _return(points, x, R, vectors, unit, gradient, x_gradient, R_gradient, M)

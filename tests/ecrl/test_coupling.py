@@ -9,7 +9,8 @@ from estimator_cases import CUBE, CUBOID, TINY, boxes
 
 from tactile_kit.ecrl import Coupling, ECRLConfig, Schedule
 from tactile_kit.estimator import EstimatorConfig, EstimatorError, EstimatorTrainer, KalmanFilter, new_cell
-from tactile_kit.estimator.recurrence import sequence_loss, unroll
+from tactile_kit.estimator.losses import sequence_loss
+from tactile_kit.estimator.recurrence import unroll
 from tactile_kit.shape import encoding
 from tactile_kit.task import rotations
 

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 import trimesh
 
-from tactile_kit.estimator import EstimatorCell, EstimatorConfig, Sequences
+from tactile_kit.estimator import EstimatorConfig, Sequences, cell_of
 from tactile_kit.estimator.state import EstimatorState
 from tactile_kit.shape import MeshTable, encoding
 from tactile_kit.task import rotations
@@ -30,7 +30,7 @@ def make(config: EstimatorConfig = TINY, table: MeshTable | None = None, seed: i
     table = table or boxes(CUBE, CUBOID)
     shape = encoding(config.encoding or "vec_bps", table)
     torch.manual_seed(seed)
-    return EstimatorCell(config, shape).to(dtype), shape, encoding("bps", table)
+    return cell_of(config, shape).to(dtype), shape, encoding("bps", table)
 
 
 def motion(

@@ -8,8 +8,9 @@ import torch
 from estimator_cases import TINY, boxes, make, motion
 from pydantic import ValidationError
 
-from tactile_kit.estimator import EstimatorCell, EstimatorConfig, EstimatorError, Sequences
-from tactile_kit.estimator.recurrence import sequence_loss, unroll
+from tactile_kit.estimator import EstimatorConfig, EstimatorError, Sequences, cell_of
+from tactile_kit.estimator.losses import sequence_loss
+from tactile_kit.estimator.recurrence import unroll
 from tactile_kit.shape import ENCODINGS
 
 
@@ -50,7 +51,7 @@ def test_every_encoding_fits_into_the_recurrence(name: str) -> None:
     ]
     assert not missing
     # a class does as well as an instance: weights are loaded before any mesh is known
-    assert EstimatorCell(cell.config, ENCODINGS[name]).state_dict().keys() == cell.state_dict().keys()
+    assert cell_of(cell.config, ENCODINGS[name]).state_dict().keys() == cell.state_dict().keys()
 
 
 def test_initial_state_is_given_rotation_and_learned_rest() -> None:

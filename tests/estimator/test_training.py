@@ -9,7 +9,8 @@ from estimator_cases import CUBE, CUBOID, TINY, boxes, make, motion
 
 from tactile_kit.estimator import EstimatorConfig, EstimatorError, EstimatorTrainer, Sequences
 from tactile_kit.estimator.loss import estimator_loss, negative_log_likelihood, shape_distance
-from tactile_kit.estimator.recurrence import sequence_loss, unroll
+from tactile_kit.estimator.losses import sequence_loss
+from tactile_kit.estimator.recurrence import unroll
 from tactile_kit.estimator.so3 import exp, geodesic
 from tactile_kit.shape import encoding
 
