@@ -25,6 +25,7 @@ from tactile_kit.simulation.compiled.lanes import (
 from tactile_kit.simulation.compiled.rows import BALLS, DRIVEN, FINGERS, ROWS, TIP_BALLS, at
 from tactile_kit.simulation.compiled.space import (
     INSIDE,
+    chosen,
     cross,
     dot,
     inwards,
@@ -48,9 +49,7 @@ POINTS = AXES + FINGERS * 6  # origin, third and fourth joint, by finger (4, 3, 
 ALONG = POINTS + FINGERS * 9  # directions of the links, by finger (4, 3, 3)
 BALL = ALONG + FINGERS * 9  # the spheres' centres (4, 5, 3)
 GAP = BALL + FINGERS * BALLS * 3  # (4, 5)
-RANK = (
-    GAP + FINGERS * BALLS
-)  # number of a sphere among its finger's contacts, -1 where it touches nothing (4, 5)
+RANK = GAP + FINGERS * BALLS  # a sphere's number among its finger's contacts, -1: it has none (4, 5)
 NORMAL = RANK + FINGERS * BALLS  # of the object, in its frame, of any length (4, 5, 3)
 FINGER = NORMAL + FINGERS * BALLS * 3  # scaled speeds of the joints (4, 3)
 OBJECT = FINGER + FINGERS * DRIVEN  # and of the object (6)
@@ -64,7 +63,8 @@ ROW, ALIKE, OPPOSED = 11, 9, 10  # K: speed that a unit impulse brings; its inve
 SPIN, SPIN_ALIKE = 3 * ROW, 3 * ROW + 6
 BIAS = SPIN_ALIKE + 1  # m/s that the contact is to part with
 GRIP, TWIST = BIAS + 1, BIAS + 2  # friction coefficients
-IMPULSE = BIAS + 3  # normal, tangents, about the normal (4)
+SHARED = BIAS + 3  # speeds along other rows: of normal pushes 3, of tangential ones about the normal 2
+IMPULSE = SHARED + 5  # normal, tangents, about the normal (4)
 FRAME = IMPULSE + 4  # normal and tangents in the world (9)
 SLOT = FRAME + 9
 COUPLES = SLOTS + FINGERS * BALLS * SLOT  # fingers at each other (6, COUPLE)
@@ -138,11 +138,7 @@ def _levers(s, hand, f, point, distal):
     one = minus(point, load3(s, POINTS + 9 * f))
     two = minus(point, load3(s, POINTS + 9 * f + 3))
     three = minus(point, load3(s, POINTS + 9 * f + 6))  # the tendon turns the last joint as much
-    two = (
-        where(distal, two[0] + three[0], two[0]),
-        where(distal, two[1] + three[1], two[1]),
-        where(distal, two[2] + three[2], two[2]),
-    )
+    two = chosen(distal, plus(two, three), two)
     second, third = cross(flexion, one), cross(flexion, two)
     spread = hand.spread
     return (
@@ -166,13 +162,7 @@ def _fill_slot(s, hand, f, number, dt):
         radius = where(here, hand.ball_radius[b], radius)
         tip = where(here, 1.0 if b < TIP_BALLS else -1.0, tip)
         one, two, three = load3(s, BALL + 3 * o), load3(s, NORMAL + 3 * o), load3(s, at.memory + 4 * o)
-        ball = where(here, one[0], ball[0]), where(here, one[1], ball[1]), where(here, one[2], ball[2])
-        normal = (
-            where(here, two[0], normal[0]),
-            where(here, two[1], normal[1]),
-            where(here, two[2], normal[2]),
-        )
-        kept = where(here, three[0], kept[0]), where(here, three[1], kept[1]), where(here, three[2], kept[2])
+        ball, normal, kept = chosen(here, one, ball), chosen(here, two, normal), chosen(here, three, kept)
         twist = where(here, load(s, at.memory + 4 * o + 3), twist)
     touching, distal = size(tip) > 0.5, tip > 0.5
     store(s, c + BIAS, where(gap > 0.0, -gap, -ERP * gap) * (1.0 / dt))
@@ -217,11 +207,9 @@ def _fill_slot(s, hand, f, number, dt):
         impulse = where(pressed, dot(kept, d), 0.0)
         store(s, c + IMPULSE + r, impulse)
         store3(s, c + FRAME + 3 * r, d)
-        w, u, v = (
-            _pushed(pressed, w, finger, impulse),
-            _pushed(pressed, u, level, impulse),
-            _pushed(pressed, v, turning, impulse),
-        )
+        w = chosen(pressed, plus(w, times(finger, impulse)), w)
+        u = chosen(pressed, plus(u, times(level, impulse)), u)
+        v = chosen(pressed, plus(v, times(turning, impulse)), v)
     flexion = dot(load3(s, AXES + 6 * f + 3), n)
     last = where(distal, 2.0 * flexion, flexion)
     spread = hand.spread
@@ -236,19 +224,15 @@ def _fill_slot(s, hand, f, number, dt):
     store(s, c + SPIN_ALIKE, 1.0 / (dot(finger, finger) + dot(turning, turning)))
     twist = where(pressed, twist, 0.0)
     store(s, c + IMPULSE + 3, twist)
-    store3(s, FINGER + 3 * f, _pushed(pressed, w, finger, twist))
+    store3(s, FINGER + 3 * f, chosen(pressed, plus(w, times(finger, twist)), w))
     store3(s, OBJECT, u)
-    store3(s, OBJECT + 3, _pushed(pressed, v, turning, twist))
-
-
-@numba.njit(**INSIDE)
-def _pushed(where_to, speeds, row, impulse):
-    """``speeds (3,)`` after an impulse along ``row (3,)``; elsewhere to the bit what they were."""
-    return (
-        where(where_to, speeds[0] + row[0] * impulse, speeds[0]),
-        where(where_to, speeds[1] + row[1] * impulse, speeds[1]),
-        where(where_to, speeds[2] + row[2] * impulse, speeds[2]),
-    )
+    store3(s, OBJECT + 3, chosen(pressed, plus(v, times(turning, twist)), v))
+    one, two = c + ROW, c + 2 * ROW
+    store(s, c + SHARED, dot(load3(s, c), load3(s, one)) + dot(load3(s, c + 6), load3(s, one + 6)))
+    store(s, c + SHARED + 1, dot(load3(s, c), load3(s, two)) + dot(load3(s, c + 6), load3(s, two + 6)))
+    store(s, c + SHARED + 2, dot(load3(s, c), finger) + dot(load3(s, c + 6), turning))
+    store(s, c + SHARED + 3, dot(load3(s, one), finger) + dot(load3(s, one + 6), turning))
+    store(s, c + SHARED + 4, dot(load3(s, two), finger) + dot(load3(s, two + 6), turning))
 
 
 @numba.njit(**INSIDE)
@@ -267,16 +251,7 @@ def find_pairs(s, hand, pairs, dt):
                     distance = dot(apart, apart)
                     nearer = distance < nearest
                     nearest = where(nearer, distance, nearest)
-                    left = (
-                        where(nearer, one[0], left[0]),
-                        where(nearer, one[1], left[1]),
-                        where(nearer, one[2], left[2]),
-                    )
-                    right = (
-                        where(nearer, two[0], right[0]),
-                        where(nearer, two[1], right[1]),
-                        where(nearer, two[2], right[2]),
-                    )
+                    left, right = chosen(nearer, one, left), chosen(nearer, two, right)
             distance = root(nearest)
             gap = distance - 2.0 * hand.ball_radius[0]
             touching = gap <= REACH

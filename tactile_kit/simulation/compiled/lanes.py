@@ -20,7 +20,7 @@ from numba.extending import (
     type_callable,
 )
 
-LANES = 16  # one AVX-512 register
+LANES = 16
 _F32, _I1 = ir.FloatType(), ir.IntType(1)
 _VECTOR, _BITS = ir.VectorType(_F32, LANES), ir.VectorType(_I1, LANES)
 

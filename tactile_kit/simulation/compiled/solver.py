@@ -18,16 +18,16 @@ from tactile_kit.simulation.compiled.contacts import (
     RANK,
     ROW,
     RUBBED,
+    SHARED,
     SLOT,
     SLOTS,
     SPIN,
     SPIN_ALIKE,
     TWIST,
-    _pushed,
 )
 from tactile_kit.simulation.compiled.lanes import any_of, load, root, size, splat, store, where
 from tactile_kit.simulation.compiled.rows import BALLS, DRIVEN, FINGERS, at
-from tactile_kit.simulation.compiled.space import INSIDE, dot, load3, plus, store3, times
+from tactile_kit.simulation.compiled.space import INSIDE, chosen, dot, load3, plus, store3, times
 
 RESIDUAL = 1e-5  # m/s: no row is corrected by more, solved
 
@@ -43,7 +43,7 @@ def _rub(s, hand, f, live, dt):
         after = before - dot(w, along) * (1.0 / hand.inverse_mass[f, i, i])
         after = where(after < -limit, -limit, where(after > limit, limit, after))
         change = after - before
-        w = _pushed(live, w, along, change)
+        w = chosen(live, plus(w, times(along, change)), w)
         store(s, RUBBED + 3 * f + i, where(live, after, before))
     store3(s, FINGER + 3 * f, w)
 
@@ -58,8 +58,8 @@ def _part(s, f, g, row, live):
     after = where(after < 0.0, 0.0, after)
     on = live & (after + before > 0.0)
     store(s, row + 8, where(on, after, before))
-    store3(s, FINGER + 3 * f, _pushed(on, w, one, after - before))
-    store3(s, FINGER + 3 * g, _pushed(on, x, two, before - after))
+    store3(s, FINGER + 3 * f, chosen(on, plus(w, times(one, after - before)), w))
+    store3(s, FINGER + 3 * g, chosen(on, plus(x, times(two, before - after)), x))
 
 
 @numba.njit(**INSIDE)
@@ -69,46 +69,56 @@ def _speed(s, row, w, u, v):
 
 
 @numba.njit(**INSIDE)
-def _contact(s, c, live, largest, w, u, v):
-    """One contact: normal, both tangents at once and brought back onto the cone, turning about the normal."""
-    impulse = c + IMPULSE
-    before = load(s, impulse)
-    after = before + (load(s, c + BIAS) - _speed(s, c, w, u, v)) * load(s, c + ALIKE)
-    after = where(after < 0.0, 0.0, after)
-    on = live & (after + before > 0.0)  # elsewhere apart, and so without friction
-    change = after - before
-    store(s, impulse, where(on, after, before))
-    worst = size(change) * load(s, c + OPPOSED)
-    w = _pushed(on, w, load3(s, c), change)
-    u = _pushed(on, u, load3(s, c + 3), change)
-    v = _pushed(on, v, load3(s, c + 6), change)
+def _given(s, row, speeds, pushes):
+    """``speeds (3,)`` after impulses along the three rows of a contact, the first at ``row``."""
+    one, two, three = load3(s, row), load3(s, row + ROW), load3(s, row + 2 * ROW)
+    return plus(plus(plus(speeds, times(one, pushes[0])), times(two, pushes[1])), times(three, pushes[2]))
 
-    one, two = load(s, impulse + 1), load(s, impulse + 2)
+
+@numba.njit(**INSIDE)
+def _contact(s, c, live, largest, w, u, v):
+    """One contact: normal, both tangents at once and brought back onto the cone, turning about the normal.
+
+    All of its speeds are read first, and what one impulse does to the other rows comes from their products: reading
+    them anew after each push would take twice as long, all of it waiting.
+    """
+    impulse = c + IMPULSE
+    normal, one, two, three = load(s, impulse), load(s, impulse + 1), load(s, impulse + 2), load(s, impulse + 3)
+    speed_one, speed_two = _speed(s, c + ROW, w, u, v), _speed(s, c + 2 * ROW, w, u, v)
+    finger, turning = load3(s, c + SPIN), load3(s, c + SPIN + 3)
+    speed_three = dot(finger, w) + dot(turning, v)
+    after = normal + (load(s, c + BIAS) - _speed(s, c, w, u, v)) * load(s, c + ALIKE)
+    after = where(after < 0.0, 0.0, after)
+    on = live & (after + normal > 0.0)  # elsewhere apart, and so without friction
+    push = after - normal
+    store(s, impulse, where(on, after, normal))
+    worst = size(push) * load(s, c + OPPOSED)
+
     bound = load(s, c + GRIP) * after
-    first = one - _speed(s, c + ROW, w, u, v) * load(s, c + ROW + ALIKE)
-    second = two - _speed(s, c + 2 * ROW, w, u, v) * load(s, c + 2 * ROW + ALIKE)
+    first = one - (speed_one + load(s, c + SHARED) * push) * load(s, c + ROW + ALIKE)
+    second = two - (speed_two + load(s, c + SHARED + 1) * push) * load(s, c + 2 * ROW + ALIKE)
     length = first * first + second * second
     shrink = where(length > bound * bound, bound / root(length), 1.0)
     first, second = first * shrink, second * shrink
     store(s, impulse + 1, where(on, first, one))
     store(s, impulse + 2, where(on, second, two))
     first, second = first - one, second - two
-    for r in range(1, 3):
-        push = first if r == 1 else second
-        error = size(push) * load(s, c + r * ROW + OPPOSED)
-        worst = where(error > worst, error, worst)
-        w = _pushed(on, w, load3(s, c + r * ROW), push)
-        u = _pushed(on, u, load3(s, c + r * ROW + 3), push)
-        v = _pushed(on, v, load3(s, c + r * ROW + 6), push)
+    error = size(first) * load(s, c + ROW + OPPOSED)
+    worst = where(error > worst, error, worst)
+    error = size(second) * load(s, c + 2 * ROW + OPPOSED)
+    worst = where(error > worst, error, worst)
 
     bound = load(s, c + TWIST) * after
-    before = load(s, impulse + 3)
-    finger, turning = load3(s, c + SPIN), load3(s, c + SPIN + 3)
-    after = before - (dot(finger, w) + dot(turning, v)) * load(s, c + SPIN_ALIKE)
-    after = where(after < -bound, -bound, where(after > bound, bound, after))
-    store(s, impulse + 3, where(on, after, before))
-    w = _pushed(on, w, finger, after - before)
-    v = _pushed(on, v, turning, after - before)
+    speed_three = speed_three + load(s, c + SHARED + 2) * push
+    speed_three = speed_three + load(s, c + SHARED + 3) * first + load(s, c + SHARED + 4) * second
+    third = three - speed_three * load(s, c + SPIN_ALIKE)
+    third = where(third < -bound, -bound, where(third > bound, bound, third))
+    store(s, impulse + 3, where(on, third, three))
+    third = third - three
+    pushes = push, first, second
+    w = chosen(on, plus(_given(s, c, w, pushes), times(finger, third)), w)
+    u = chosen(on, _given(s, c + 3, u, pushes), u)
+    v = chosen(on, plus(_given(s, c + 6, v, pushes), times(turning, third)), v)
     return where(on & (worst > largest), worst, largest), w, u, v
 
 
@@ -159,11 +169,7 @@ def remember(s, counts):
                     plus(times(load3(s, frame), one), times(load3(s, frame + 3), two)),
                     times(load3(s, frame + 6), three),
                 )
-                kept = (
-                    where(here, whole[0], kept[0]),
-                    where(here, whole[1], kept[1]),
-                    where(here, whole[2], kept[2]),
-                )
+                kept = chosen(here, whole, kept)
                 twist = where(here, load(s, c + IMPULSE + 3), twist)
             store3(s, at.memory + 4 * (f * BALLS + b), kept)
             store(s, at.memory + 4 * (f * BALLS + b) + 3, twist)

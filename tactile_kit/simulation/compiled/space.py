@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numba
 
-from tactile_kit.simulation.compiled.lanes import load, store
+from tactile_kit.simulation.compiled.lanes import load, store, where
 
 #: Of the kernels' parts: never compiled alone, so never stale on disk.
 INSIDE = {
@@ -50,6 +50,12 @@ def dot(a, b):
 @numba.njit(**INSIDE)
 def cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@numba.njit(**INSIDE)
+def chosen(condition, a, b):
+    """``a`` in the lanes where ``condition`` holds, elsewhere ``b``, to the bit."""
+    return where(condition, a[0], b[0]), where(condition, a[1], b[1]), where(condition, a[2], b[2])
 
 
 @numba.njit(**INSIDE)
