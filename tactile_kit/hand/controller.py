@@ -79,6 +79,13 @@ def gravity_torques(gravity: float) -> Array:
     return torques
 
 
+def damping_matrices(damping: Array | float, stiffness: Array | float, step: float) -> Array:
+    """Damping ``(..., 4, 3, 3)`` Nms/rad that backward Euler would apply, for gains ``(...)`` and a step in s."""
+    drag = np.eye(kinematics.DRIVEN) * np.asarray(damping + step * stiffness)[..., None, None, None]
+    mass = kinematics.TENDON.T @ finger_mass_matrices() @ kinematics.TENDON
+    return mass @ np.linalg.inv(mass + step * drag) @ drag
+
+
 @numba.njit(cache=True)
 def _torques(q, dq, command, stiffness, damping, limit, feedforward, out):
     for f in range(4):
@@ -109,9 +116,8 @@ class ImpedanceController:
     def __init__(self, impedance: Impedance, step: float, gravity: float = 9.81) -> None:
         self.impedance, self.step = impedance, step
         self._stiffness = impedance.stiffness * impedance.ratio
-        drag = np.eye(kinematics.DRIVEN) * (impedance.damping * impedance.ratio + step * self._stiffness)
-        mass = kinematics.TENDON.T @ finger_mass_matrices() @ kinematics.TENDON
-        self.damping = np.ascontiguousarray(mass @ np.linalg.inv(mass + step * drag) @ drag)
+        drag = impedance.damping * impedance.ratio
+        self.damping = np.ascontiguousarray(damping_matrices(drag, self._stiffness, step))
         self._limit = TORQUE_LIMIT / self._stiffness
         self.compensate(gravity)
         self._out = np.empty((kinematics.FINGERS, kinematics.DRIVEN))

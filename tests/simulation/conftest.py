@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,8 @@ from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.grasps import GraspBank, grasps_of
 from tactile_kit.simulation.world import Grasp, World
+
+sys.path.insert(0, str(Path(__file__).parent))  # this folder's helper modules
 
 AWAY = np.array([0.0, 0.0, 2.0])  # where the object troubles nobody
 

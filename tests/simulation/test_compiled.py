@@ -14,8 +14,6 @@ import randomization
 from tactile_kit.hand import kinematics
 from tactile_kit.shape import MeshTable
 from tactile_kit.simulation.compiled import CompiledSimulation
-from tactile_kit.simulation.compiled import kernel as k
-from tactile_kit.simulation.compiled.tables import distance_grids, hand_tables
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.grasps import grasps_of
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Status
@@ -133,12 +131,11 @@ def test_it_drops_what_bullet_drops(play):
 def test_a_free_object_falls(play):
     """Without a hand that reaches it: 0.1 s of free fall, and a drop when it is 5 cm down."""
     simulation = play("compiled", horizon=20)
-    simulation._place[:] = [0.0, 0.0, 2.0]
-    start = simulation._place[:, 2].copy()
+    height = simulation.batch.now.place[2]
+    height[:] = 0.4
     advance(simulation, command(simulation)[None])
-    fallen = start - simulation._place[:, 2]
     steps, dt = 6, 1 / 60
-    np.testing.assert_allclose(fallen, 9.81 * dt * dt * steps * (steps + 1) / 2, rtol=1e-9)
+    np.testing.assert_allclose(0.4 - height, 9.81 * dt * dt * steps * (steps + 1) / 2, rtol=1e-5)
 
 
 def test_threads_change_nothing(play):
@@ -166,7 +163,7 @@ def test_what_is_not_finite_is_a_fault(play):
 
 def test_an_object_thrown_about_is_a_fault(play):
     simulation = play("compiled")
-    simulation._velocity[2, 0] = 50.0
+    simulation.batch.now.velocity[0, 2] = 50.0
     simulation.views["action"][:] = (command(simulation) - MIDDLE) / FULL_RANGE
     simulation.step_async()
     ended = simulation.step_wait()
@@ -180,11 +177,13 @@ def test_randomisation_arrives(play):
     rows = advance(simulation, wander(steady, 10, 0.05))
     angles = rows[0]["z"].reshape(COUNT, 6, 2, 12)[:, :, 0]
     assert np.abs(np.diff(angles, axis=1)).max() > 0.01
-    sticky = np.array([steps["sticky_action"][:10] for steps in simulation._steps])
-    assert sticky.any()
-    assert np.abs(simulation._parameters[:, k.FORCE : k.FORCE + 3]).max() > 0.001
-    masses = simulation._parameters[:, k.MASS]
-    assert masses.std() > 0.005
+    now = simulation.batch.now
+    assert np.abs(now.force).max() > 0.001
+    assert now.mass.std() > 0.005
+    targets = now.target.copy()
+    advance(simulation, np.tile(steady + 0.1, (1, 1, 1)))
+    stuck = (now.target == targets).all(axis=(0, 1))
+    assert 0 < stuck.mean() < 0.5
 
 
 def test_the_horizon_ends_episodes(play):
@@ -192,46 +191,6 @@ def test_the_horizon_ends_episodes(play):
     rows = advance(simulation, np.tile(command(simulation), (3, 1, 1)))
     assert not rows[1]["over"].any() and rows[2]["over"].all()
     assert (simulation.views["status"] == Status.TIME).all()
-
-
-def test_grids_hold_the_distance(bodies, meshes, things):
-    """Against trimesh's closest points, in the bodies' own frames."""
-    import trimesh
-
-    grids, first, spacing = distance_grids(bodies, meshes)
-    generator, out = np.random.default_rng(0), np.empty(3)
-    for index, name in enumerate(("cube", "l_shape")):
-        body, thing = bodies[index], things[name]
-        mesh = trimesh.Trimesh(thing.vertices, thing.faces, process=False)
-        points = generator.uniform(first[index], first[index] + spacing[index] * 31, (300, 3))
-        canonical = body.com + points @ body.axes.T
-        closest, distance, _ = trimesh.proximity.closest_point(mesh, canonical)
-        outside = ~mesh.contains(canonical) & (distance > 0.008) & (distance < 0.02)
-        assert outside.sum() > 30
-        for point, here, far, near in zip(
-            points[outside], canonical[outside], distance[outside], closest[outside], strict=True
-        ):
-            found = k.lookup(grids[index], first[index], spacing[index], *point, out)
-            assert found == pytest.approx(far, abs=6e-4)
-            assert body.axes @ out @ ((here - near) / far) > 0.9
-
-
-def test_beyond_the_grid_nothing_is_near(bodies, meshes):
-    grids, first, spacing = distance_grids(bodies, meshes)
-    assert k.lookup(grids[0], first[0], spacing[0], 0.5, 0.0, 0.0, np.empty(3)) == 1.0
-
-
-def test_fingers_are_where_the_kinematics_say():
-    base, lengths, *_ = hand_tables()
-    joints = kinematics.MEAN_GRASP + 0.2 * np.random.default_rng(0).normal(size=12)
-    axes, points, along = np.empty((2, 3)), np.empty((3, 3)), np.empty((3, 3))
-    frames, tips = kinematics.link_frames(joints), kinematics.tip_centres(joints)
-    for finger in range(4):
-        k.pose_finger(base[finger], lengths, *joints[3 * finger : 3 * finger + 3], axes, points, along)
-        np.testing.assert_allclose(axes, frames[finger, :2, :3, 2], atol=1e-12)
-        np.testing.assert_allclose(points, frames[finger, 1:, :3, 3], atol=1e-12)
-        tip = points[2] + kinematics.DISTAL.capsule.end * along[2]
-        np.testing.assert_allclose(tip, tips[finger], atol=1e-12)
 
 
 @pytest.mark.parametrize("environments", [0, -3])
@@ -273,48 +232,11 @@ CROSSED[3:9] = [-0.5, 0.9, 0.6, 0.5, 0.9, 0.6]
 
 def test_fingers_do_not_pass_through_each_other(play):
     simulation = play("compiled", count=4)
-    simulation._place[:] = [0.0, 0.0, 2.0]  # nothing between them
-    simulation._parameters[:, k.GRAVITY] = 0.0
+    now = simulation.batch.now
+    now.place[2], now.gravity[:] = 2.0, 0.0  # nothing between them
     advance(simulation, np.tile(CROSSED, (12, 4, 1)))
-    tips = kinematics.tip_centres(simulation._q[0].ravel())
+    tips = kinematics.tip_centres(now.q[..., 0].ravel())
     assert np.linalg.norm(tips[1] - tips[2]) > 2 * kinematics.DISTAL.capsule.radius - 1e-3
-
-
-INTERPRETED = """
-import sys
-import numpy as np
-from tactile_kit.simulation.compiled import kernel
-data = np.load(sys.argv[1])
-given = [tuple(data[f"hand{i}"] for i in range(10)) if n == 7 else data[f"{n}"] for n in range(28)]
-assert not hasattr(kernel.control_step, "py_func")
-kernel.control_step(*(int(g) if n in (0, 1, 4, 5) else g for n, g in enumerate(given)))
-np.savez(sys.argv[2], **{f"{n}": g for n, g in enumerate(given) if n != 7})
-"""
-
-
-def test_compiled_it_computes_what_it_says(play, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same step by the interpreter, with fingers at the object and at each other."""
-    simulation = play("compiled", preset="default", count=4)
-    towards = np.tile(kinematics.MEAN_GRASP + np.tile([0.0, 0.6, 0.4], 4), (4, 1))
-    towards[2] = CROSSED
-    simulation._place[2, 2], simulation._parameters[2, k.GRAVITY] = 2.0, 0.0
-    advance(simulation, np.tile(towards, (8, 1, 1)))
-    calls, compiled = [], k.control_step
-    monkeypatch.setattr(k, "control_step", lambda *given: calls.append(given))
-    advance(simulation, towards[None])
-    (given,) = calls
-    arrays = {f"{n}": g for n, g in enumerate(given) if n != 7}
-    np.savez(tmp_path / "in.npz", **arrays, **{f"hand{i}": table for i, table in enumerate(given[7])})
-    compiled(*given)
-    subprocess.run(
-        [sys.executable, "-c", INTERPRETED, tmp_path / "in.npz", tmp_path / "out.npz"],
-        timeout=240, check=True, env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
-    )  # fmt: skip
-    with np.load(tmp_path / "out.npz") as slow, np.load(tmp_path / "in.npz") as before:
-        changed = [n for n in before.files if n in slow.files and not np.array_equal(before[n], slow[n])]
-        assert len(changed) >= 8  # command, joints, speeds, pose, twist, impulses, measurements
-        for n in changed:
-            np.testing.assert_allclose(slow[n], given[int(n)], rtol=1e-5, atol=1e-7)
 
 
 CODE = """

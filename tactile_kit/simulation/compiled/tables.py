@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,35 +14,64 @@ from tactile_kit.hand.controller import finger_mass_matrices
 from tactile_kit.hand.inverse import LOWER, ORIGINS, UPPER
 from tactile_kit.shape import MeshTable, kernels
 from tactile_kit.simulation.bodies import Body
+from tactile_kit.simulation.compiled.contacts import NODES
+from tactile_kit.simulation.compiled.rows import TIP_BALLS
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
-NODES = 32  # of a grid along each axis
 MARGIN = 0.026  # m of grid around the object: the fingertips' radius, the reach, and a cell
 SKIN = 0.001  # m by which Bullet's convex meshes stand out
 _SIDE = 4  # the closest-point kernel takes 4^3 points at once
 
 
+class Hand(NamedTuple):
+    """The hand's constants as the kernel takes them, float32 where nothing else is said; SI units."""
+
+    bases: Array  # (4, 4, 3) axes as rows, then the origin
+    lengths: Array  # (2,) of the proximal and middle link
+    masses: Array  # (3,) of the links
+    centres: Array  # (3,) of mass along them
+    ball_link: Array  # (5,) int64, link that a sphere is on
+    ball_at: Array  # (5,) its place along that link
+    ball_radius: Array  # (5,)
+    inverse_mass: Array  # (4, 3, 3)
+    spread: Array  # (4, 3, 3) lower triangular factor S of the inverse mass matrix S S^T
+    gathered: Array  # (4, 3, 3) S^-1
+    lower: Array  # (4, 3) joint limits
+    upper: Array
+
+
 @functools.cache
-def hand_tables() -> tuple[Array, ...]:
-    """The hand as the kernel's functions take it: bases, lengths, masses, balls, inverse inertia and joint limits."""
+def hand_tables() -> Hand:
+    """The hand of this project."""
     bases = np.stack([np.concatenate([frame[:3, :3].T, frame[None, :3, 3]]) for frame in ORIGINS[:, 0]])
     links = (kinematics.PROXIMAL, kinematics.MIDDLE, kinematics.DISTAL)
     tip, middle = kinematics.DISTAL.capsule, kinematics.MIDDLE.capsule
-    balls = [(2, at, tip.radius) for at in np.linspace(tip.start, tip.end, 3)]
+    balls = [(2, at, tip.radius) for at in np.linspace(tip.start, tip.end, TIP_BALLS)]
     balls += [(1, at, middle.radius) for at in (0.3 * middle.end + 0.7 * middle.start, middle.end)]
-    mass = kinematics.TENDON.T @ finger_mass_matrices() @ kinematics.TENDON
-    return (
+    link, along, radius = (np.array(column) for column in zip(*balls, strict=True))
+    inverse = np.linalg.inv(kinematics.TENDON.T @ finger_mass_matrices() @ kinematics.TENDON)
+    inverse[:, 0, 1:] = inverse[:, 1:, 0] = 0.0  # abduction and flexion do not mix; the rest is rounding
+    spread = np.linalg.cholesky(inverse)
+    tables: tuple[Any, ...] = (
         bases,
-        np.array([kinematics.PROXIMAL_LENGTH, kinematics.MIDDLE_LENGTH]),
-        np.array([link.mass for link in links]),
-        np.array([(link.capsule.start + link.capsule.end) / 2 for link in links]),
-        np.array([ball[0] for ball in balls]),
-        np.array([ball[1] for ball in balls]),
-        np.array([ball[2] + SKIN for ball in balls]),
-        np.linalg.inv(mass),
+        [kinematics.PROXIMAL_LENGTH, kinematics.MIDDLE_LENGTH],
+        [one.mass for one in links],
+        [(one.capsule.start + one.capsule.end) / 2 for one in links],
+        link,
+        along,
+        radius + SKIN,
+        inverse,
+        spread,
+        np.linalg.inv(spread),
         LOWER,
         UPPER,
+    )
+    return Hand(
+        *(
+            np.ascontiguousarray(table, np.int64 if name == "ball_link" else np.float32)
+            for name, table in zip(Hand._fields, tables, strict=True)
+        )
     )
 
 
