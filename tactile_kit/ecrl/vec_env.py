@@ -127,7 +127,7 @@ class TactileVecEnv(ReorientVecEnv):
         return info
 
     def metrics(self) -> dict[str, float]:
-        """rho, what the estimator's last training measured (``estimator/...``, m, rad), and the figures of ``Watch``."""
+        """rho, what the estimator's last training measured (``estimator/...``; m, rad), and ``Watch``'s."""
         return self.coupling.metrics() | self.watch.take()
 
     def get_state(self) -> dict[str, NDArray[Any]]:
