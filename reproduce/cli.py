@@ -146,6 +146,61 @@ def evaluate(
 
 
 @app.command
+def train_estimator(
+    agent: Annotated[Path, arg(metavar="DIR")],
+    out: Annotated[Path, arg(metavar="DIR")],
+    steps: Annotated[int, arg(metavar="N")] = 20_000_000,
+    cell: Annotated[str, arg(metavar="NAME")] = "fingers",
+    closed_loop: bool = False,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+) -> int:
+    """Train an estimator alone, on what a trained agent's policy does in the compiled physics.
+
+    Data are made, not stored, without end; metrics.jsonl has the error as it falls. At the end, and with
+    measure-estimator at any time, it is measured on episodes with sizes that training never saw.
+
+    Args:
+        agent: The agent whose policy acts: an oracle, or a tactile agent, whose estimator then goes on learning.
+        out: The run directory. With the same arguments a stopped run is continued.
+        steps: Environment steps.
+        cell: What the recurrence looks at: fingers, or paper.
+        closed_loop: The policy is told the estimate, not the truth.
+        seed: Of weights and episodes.
+    """
+    from reproduce.estimator import measure, settings_of, table
+    from reproduce.stages.train import train_config
+
+    train_config(settings_of(agent, steps, cell, closed_loop, seed), out)
+    print(table(measure(out, "geometric8", not closed_loop, 512, seed)))
+    return 0
+
+
+@app.command
+def measure_estimator(
+    agent: Annotated[Path, arg(metavar="DIR")],
+    objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "geometric8",
+    closed_loop: bool = False,
+    episodes: Annotated[int, arg(metavar="N")] = 512,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+) -> int:
+    """Measure a tactile agent's estimator: error of its angle (mean/median, rad) against time, by Table I's classes.
+
+    In the compiled physics, in seconds. The last column is 1 where sigma says how large the error is.
+
+    Args:
+        agent: The agent's directory.
+        objects: Object sets, names or ids, separated by commas.
+        closed_loop: The policy is told the estimate, as in every evaluation; otherwise the truth.
+        episodes: How many, all at once.
+        seed: Of the episodes.
+    """
+    from reproduce.estimator import measure, table
+
+    print(table(measure(agent, objects, not closed_loop, episodes, seed)))
+    return 0
+
+
+@app.command
 def evaluate_planner(
     out: Annotated[Path, arg(metavar="FILE")],
     objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "paper",

@@ -37,7 +37,7 @@ def train_file(config: Path, directory: Path) -> None:
     """Trains as the YAML file ``config`` says; a stopped run of the same settings goes on. Errors name the file."""
     from tactile_kit.runs import RunConfig
 
-    _train_config(RunConfig.from_yaml(config), directory)
+    train_config(RunConfig.from_yaml(config), directory)
 
 
 def _train(settings: dict[str, Any], directory: Path, report: Callable[[int], None]) -> None:
@@ -54,10 +54,11 @@ def _train(settings: dict[str, Any], directory: Path, report: Callable[[int], No
             flush=True,
         )
     with _following(directory / "metrics.jsonl", report):
-        _train_config(config, directory)
+        train_config(config, directory)
 
 
-def _train_config(config: Any, directory: Path) -> None:
+def train_config(config: Any, directory: Path) -> None:
+    """Trains ``config`` (a ``RunConfig``) in ``directory``; raises ``Stopped`` where a signal ended it early."""
     from tactile_kit.runs import finished, train
 
     if finished(directory) and read_yaml(directory / "config.yaml") == config.to_dict():

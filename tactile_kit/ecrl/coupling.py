@@ -39,6 +39,7 @@ class Coupling:
         training: whether steps are recorded, the estimator is trained, and truth may stand in for estimates.
         state: estimator state of all environments.
         truth: ``(E,) bool``, episodes in which the policy is told the truth.
+        told: whether the next episodes are, whatever the schedule says; None: as it says.
     """
 
     def __init__(
@@ -61,6 +62,7 @@ class Coupling:
         self._fresh = torch.ones(num_envs, dtype=torch.bool)
         self._x, self._R = torch.zeros(num_envs, 3), torch.eye(3).repeat(num_envs, 1, 1)
         self._measured: dict[str, float] = {}
+        self.told: bool | None = None
 
     @property
     def iteration(self) -> int:
@@ -69,7 +71,9 @@ class Coupling:
 
     @property
     def rho(self) -> float:
-        """Probability that an episode starting now shows the policy the truth; 0 without training."""
+        """Probability that an episode starting now shows the policy the truth; 0 without training, unless ``told``."""
+        if self.told is not None:
+            return float(self.told)
         return self.schedule.at(self.iteration) if self.training else 0.0
 
     @property

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from tactile_kit.ecrl.config import ECRLConfig
@@ -75,7 +76,7 @@ class TactileVecEnv(ReorientVecEnv):
         except BaseException:
             self.close()  # the workers are running already
             raise
-        self.estimator, self.watch = self.coupling.estimator, Watch()
+        self.estimator, self.watch, self._estimate = self.coupling.estimator, Watch(), self.coupling.state
         self.training = episodes is None if training is None else training
 
     def _couple(
@@ -103,6 +104,13 @@ class TactileVecEnv(ReorientVecEnv):
     def training(self, value: bool) -> None:
         self.coupling.training = bool(value) and self.coupling.trainer is not None
 
+    @property
+    def estimated(self) -> Belief:
+        """The estimates after the last step, terminal where an episode ended, whatever the policy is told."""
+        with torch.no_grad():
+            sigma = self.estimator.sigmas(self._estimate).numpy()
+        return Belief(self._estimate.x.numpy(), self._estimate.R.numpy(), sigma)
+
     def _start_belief(self, mask: NDArray[np.bool_]) -> Belief:
         self.coupling.start(mask, self.state.x, self.state.R, self.state.R0)
         return Belief(*self.coupling.pose())
@@ -111,6 +119,7 @@ class TactileVecEnv(ReorientVecEnv):
         state, valid = self.state, self.simulation.views["status"] != Status.FAULT
         before = self.coupling.true_rotation
         self.coupling.update(state.z, state.given, state.x, state.R, valid)
+        self._estimate = self.coupling.state
         if self.training:
             self.watch.step(self.coupling.state.R.numpy(), state.R, before, self.coupling.truth)
         return Belief(*self.coupling.pose())

@@ -268,10 +268,25 @@ def _evaluate(run: Run, metrics: MetricsFile, progress: Progress) -> float:
         "episodes": len(rows),
         "drops": sum(bool(row.drop) for row in rows) / len(rows),
         "theta": float(np.mean(angles)) if angles else None,
+        **_estimates(run),
     }
     metrics.write(run.evaluation)
     progress.say(f"evaluation: success rate {successes / len(rows):.3f} over {len(rows)} episodes")
     return time.monotonic() - begin
+
+
+def _estimates(run: Run) -> dict[str, float]:
+    """How well a tactile agent's estimator follows in closed loop, by name."""
+    if run.config.kind != "tactile":
+        return {}
+    from tactile_kit.agents.agent import load_agent
+    from tactile_kit.evaluation.estimates import follow
+
+    objects = run.config.evaluation.objects or run.config.objects
+    figures = follow(
+        load_agent(run.directory), objects, truth=False, episodes=256, seed=run.config.seed
+    ).figures()
+    return {f"estimates/{name}": value for name, value in figures.items()}
 
 
 def _check_resume(config: RunConfig, saved: checkpoints.Checkpoint, directory: Path, resume: bool) -> None:

@@ -21,6 +21,8 @@ from reproduce.files import ROOT
         ["train", "--help"],
         ["evaluate", "--help"],
         ["evaluate-planner", "--help"],
+        ["train-estimator", "--help"],
+        ["measure-estimator", "--help"],
     ],
 )
 def test_help_needs_nothing_heavy(arguments):
@@ -45,6 +47,7 @@ def test_help_needs_nothing_heavy(arguments):
         (["stage", "tabel1", "--scale", "smoke"], ["tabel1", "table1"]),
         (["evaluate", "--agent", "no/where", "--out", "x.csv"], ["no/where", "agent.json"]),
         (["train", "no/where.yaml", "--out", "x"], ["no/where.yaml"]),
+        (["train-estimator", "--agent", "no/where", "--out", "x"], ["no/where", "agent.json"]),
     ],
 )
 def test_mistakes_end_with_one_line(arguments, words, capsys, tmp_path, monkeypatch):

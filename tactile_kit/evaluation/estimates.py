@@ -1,0 +1,134 @@
+"""How well an estimator follows: error of the angle against time, and whether its sigma says how large it is.
+
+For development: episodes are played in the compiled physics. What is reported of an agent is measured in Bullet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from randomization import STANDARD_GRAVITY, derive
+from tactile_kit.evaluation.errors import EvaluationError
+from tactile_kit.evaluation.schedule import HORIZON
+from tactile_kit.task.rotations import geodesic
+
+Array = NDArray[np.float64]
+SECONDS = (1, 2, 5, 10)  # at which errors are told
+CLOSE = 0.4  # rad, the task's own measure of success
+
+
+@dataclass(frozen=True)
+class Followed:
+    """N episodes of 10 s, first axis control steps.
+
+    angle: ``(100, N)`` rad, error of the estimated orientation after each step; position: ``(100, N)`` m;
+    sigma: ``(100, N)`` rad, predicted; goal, believed: ``(100, N)`` rad, true and believed angle to the goal;
+    held: ``(100, N) bool``, steps that were played; object_id: ``(N,)``.
+    """
+
+    angle: Array
+    position: Array
+    sigma: Array
+    goal: Array
+    believed: Array
+    held: NDArray[np.bool_]
+    object_id: NDArray[np.int64]
+
+    def of(self, ids: Sequence[int]) -> Followed:
+        """The episodes of some objects."""
+        which = np.isin(self.object_id, ids)
+        parts = (self.angle, self.position, self.sigma, self.goal, self.believed, self.held)
+        return Followed(*(part[:, which] for part in parts), self.object_id[which])
+
+    def figures(self) -> dict[str, float]:
+        """Mean errors over all steps and at 1, 2, 5, 10 s (rad), the share within 0.4 rad at 10 s, and calibration.
+
+        ``calibration``: root mean square of error over sigma, 1 where sigma says what the error is.
+        """
+        if not self.held.any():
+            raise EvaluationError("no step was played: nothing to say of the estimates")
+        found = {"episodes": float(self.held.shape[1]), "mean": float(self.angle[self.held].mean())}
+        for second in SECONDS:
+            row = 10 * second - 1
+            errors = self.angle[row, self.held[row]]
+            if len(errors):
+                found |= {
+                    f"mean_{second}s": float(errors.mean()),
+                    f"median_{second}s": float(np.median(errors)),
+                }
+        last = self.held[-1]
+        if last.any():
+            found["within_10s"] = float((self.angle[-1, last] < CLOSE).mean())
+        ratio = self.angle[self.held] / self.sigma[self.held]
+        found["calibration"] = float(np.sqrt(np.mean(ratio**2)))
+        found["position"] = float(self.position[self.held].mean())
+        return found
+
+
+def follow(
+    agent: Any,
+    objects: str = "geometric8",
+    *,
+    truth: bool,
+    episodes: int = 512,
+    seed: int = 0,
+    threads: int = 1,
+) -> Followed:
+    """Play ``episodes`` of a tactile agent at full gravity and default randomisation, objects of nominal size in turn.
+
+    Args:
+        agent: what ``tactile_kit.load_agent`` returns; its policy acts without noise.
+        truth: whether the policy is told the true pose while the estimator follows, or the estimate.
+        episodes: all at once, one an environment. seed: of the episodes; apart from training's.
+
+    Raises:
+        EvaluationError: the agent has no estimator.
+    """
+    if agent.estimator is None:
+        raise EvaluationError(f"{agent.directory}: an {agent.kind} has no estimator")
+    changes = {
+        "objects": objects,
+        "scaling": "nominal",
+        "randomization": "default",
+        "gravity": STANDARD_GRAVITY,
+        "horizon": HORIZON,
+        "simulation": {**agent.task.simulation.model_dump(), "engine": "compiled"},
+    }
+    task = type(agent.task)(**{**agent.task.model_dump(), **changes})
+    env = agent.make_env(task, episodes, threads, derive(seed, "evaluation", "estimates"))
+    try:
+        return _played(agent, env, truth)
+    finally:
+        env.close()
+
+
+def _played(agent: Any, env: Any, truth: bool) -> Followed:
+    env.coupling.told = truth
+    count = env.num_envs
+    names = ("angle", "position", "sigma", "goal", "believed")
+    rows = {name: np.full((HORIZON, count), np.nan) for name in names}
+    held = np.zeros((HORIZON, count), bool)
+    observation = env.reset()
+    things = env.variants.objects
+    object_id = np.array([things[v].id for v in env.state.variant])
+    playing = np.ones(count, bool)
+    for step in range(HORIZON):
+        observation, _, done, _ = env.step(agent.act(observation))
+        last, estimate = env.transition, env.estimated
+        row = {
+            "angle": geodesic(estimate.R, last.R),
+            "position": np.linalg.norm(estimate.x - last.x, axis=1),
+            "sigma": estimate.sigma[:, 1],
+            "goal": geodesic(last.R, last.goal),
+            "believed": geodesic(estimate.R, last.goal),
+        }
+        for name, values in row.items():
+            rows[name][step] = np.where(playing, values, np.nan)
+        held[step] = playing
+        playing = playing & ~done
+    return Followed(**rows, held=held, object_id=object_id)
