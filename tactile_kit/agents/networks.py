@@ -7,8 +7,8 @@ The features are the *last* columns of every weight matrix that reads them, so t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import torch
@@ -44,6 +44,13 @@ class InputLayout:
         terms = tuple((str(name), int(size)) for name, size in term_sizes(env.layout).items())
         encoding = getattr(env, "encoding", None)
         return cls.of_encoding(terms, encoding)
+
+    def without(self, names: Collection[str]) -> InputLayout:
+        """The layout without its last terms ``names``. Raises ValueError where others follow them."""
+        kept = tuple(term for term in self.terms if term[0] not in names)
+        if kept != self.terms[: len(kept)]:
+            raise ValueError(f"terms {sorted(names)} are not the last of {[name for name, _ in self.terms]}")
+        return replace(self, terms=kept)
 
     @classmethod
     def of_encoding(cls, terms: tuple[tuple[str, int], ...], encoding) -> InputLayout:
@@ -145,18 +152,20 @@ class ObservationFeatures(BaseFeaturesExtractor):
 
     Args:
         observation_space: Box ``(D,)``.
-        layout: what the observation holds.
-        norm: the shared statistics; None makes new ones.
+        layout: what the network reads: the observation, or its first terms.
+        norm: the shared statistics, of the whole observation; None makes new ones.
     """
 
     def __init__(
         self, observation_space: spaces.Space, layout: InputLayout, norm: RunningNorm | None = None
     ) -> None:
         super().__init__(observation_space, layout.features_size)
-        if observation_space.shape != (layout.size,):
+        width = observation_space.shape[0]  # type: ignore[index]
+        if width < layout.size or (norm is None and width != layout.size):
             raise ValueError(
                 f"observation space {observation_space.shape} is not the layout's ({layout.size},)"
             )
+        self.size = layout.size
         pooled = layout.shape_slice if layout.shape_layer is not None else None
         self.norm = norm if norm is not None else RunningNorm(layout.size, pooled)
         self.shape = layout.shape_layer() if layout.shape_layer is not None else None
@@ -164,6 +173,7 @@ class ObservationFeatures(BaseFeaturesExtractor):
 
     def embed(self, normalised: Tensor) -> Tensor:
         """Features of observations that are normalised already; several networks share that work."""
+        normalised = normalised[:, : self.size]
         if self.shape is None or self.slice is None:
             return normalised
         block = self.shape(normalised[:, self.slice])

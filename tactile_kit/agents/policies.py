@@ -23,10 +23,11 @@ from tactile_kit.agents.networks import (
 
 
 class HandActorCriticPolicy(ActorCriticPolicy):
-    """PPO's policy: separate actor and critic on the same observation, sigma independent of the state.
+    """PPO's policy: separate actor and critic on one observation, sigma independent of the state.
 
-    Args beyond SB3's: ``layout``, ``actor`` and ``critic`` layers, ``bounded``, ``log_std`` and ``rest`` of the actor,
-    ``critic_rate``, the critic's own learning rate (None: one rate for both).
+    Args beyond SB3's: ``layout`` of the actor, the observation's first terms, and ``critic_layout``, all of it;
+    ``actor`` and ``critic`` layers, ``bounded``, ``log_std`` and ``rest`` of the actor; ``critic_rate``, the critic's
+    own learning rate (None: one rate for both).
     """
 
     def __init__(
@@ -36,6 +37,7 @@ class HandActorCriticPolicy(ActorCriticPolicy):
         lr_schedule: Schedule,
         *,
         layout: InputLayout,
+        critic_layout: InputLayout,
         actor: NetworkConfig,
         critic: NetworkConfig,
         bounded: bool,
@@ -44,24 +46,24 @@ class HandActorCriticPolicy(ActorCriticPolicy):
         critic_rate: float | None = None,
         **kwargs: Any,
     ) -> None:
-        self._networks = (layout, actor, critic, bounded, log_std, rest, critic_rate)
+        self._networks = (layout, critic_layout, actor, critic, bounded, log_std, rest, critic_rate)
         super().__init__(
             observation_space,
             action_space,
             lr_schedule,
             features_extractor_class=ObservationFeatures,
-            features_extractor_kwargs={"layout": layout},
+            features_extractor_kwargs={"layout": critic_layout},
             share_features_extractor=True,
             **kwargs,
         )
 
     def _build(self, lr_schedule: Schedule) -> None:
-        layout, actor, critic, bounded, log_std, rest, critic_rate = self._networks
+        layout, critic_layout, actor, critic, bounded, log_std, rest, critic_rate = self._networks
         size = int(self.action_space.shape[0])  # type: ignore[index]
-        # SB3 makes one extractor; the critic gets its own, around the same statistics
-        own = self.features_extractor
-        assert isinstance(own, ObservationFeatures)
-        other = ObservationFeatures(self.observation_space, layout, own.norm)
+        # SB3 makes one extractor, the critic's; the actor gets its own, around the same statistics
+        other = self.features_extractor
+        assert isinstance(other, ObservationFeatures)
+        own = ObservationFeatures(self.observation_space, layout, other.norm)
         self.actor = GaussianPolicy(
             own, size, actor, squashed=False, bounded=bounded, log_std=log_std, rest=rest
         )

@@ -89,7 +89,9 @@ class PPO(stable_baselines3.PPO):
         transitions = config.rollout * env.num_envs
         if transitions < config.minibatch and transitions % 2:
             raise ValueError(f"a roll-out of {transitions} transitions is too small for PPO")
-        self.input_layout = layout = InputLayout.of_env(env)
+        everything = InputLayout.of_env(env)
+        self.input_layout = layout = everything.without(getattr(env, "private", ()))
+        self.critic_layout = everything
         self.noise = torch.Generator().manual_seed(derive(seed, "learner", "noise"))
         self.order = stream(seed, "learner", "minibatches")
         self._clone_order = stream(seed, "learner", "examples")
@@ -105,6 +107,7 @@ class PPO(stable_baselines3.PPO):
         self._shown = torch.zeros_like(self._left_over)  # the teacher's actions
         policy: dict[str, Any] = {
             "layout": layout,
+            "critic_layout": everything,
             "actor": config.actor,
             "critic": config.critic,
             "bounded": config.bounded_mean,

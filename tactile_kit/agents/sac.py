@@ -58,7 +58,7 @@ class SAC(stable_baselines3.SAC):
         rest: tuple[float, ...] | None = None,
     ) -> None:
         self.config = config = config or SACConfig()
-        self.input_layout = layout = InputLayout.of_env(env)
+        self.input_layout = self.critic_layout = layout = InputLayout.of_env(env)
         self.noise = torch.Generator().manual_seed(derive(seed, "learner", "noise"))
         self._rest = None if rest is None else torch.tensor(rest, dtype=torch.float32)
         self.exploration = Exploration(config.exploration, env.action_space.shape[0], self.noise)  # type: ignore[index]

@@ -108,7 +108,7 @@ def warm_start(learner, directory: str | Path, encoding: str) -> dict:
     if name in manifest.weights and manifest.algorithm == learner.algorithm:
         tensors = read_tensors(directory / name, manifest.weights[name])
         for critic in critics:
-            missing = transplant(critic, tensors, old, learner.input_layout, changed)
+            missing = transplant(critic, tensors, old, learner.critic_layout, changed)
         left += [f"critic/{name}" for name in missing]
     else:
         left.append("critic")

@@ -23,6 +23,10 @@ class ECRLConfig(Settings):
     rho_step: float = Field(
         default=5e-4, ge=0, le=1, description="delta_rho: fall of rho an iteration, down to 0."
     )
+    critic_sees_truth: bool = Field(
+        default=False,
+        description="While training, PPO's critic sees the true state beside the belief (own choice).",
+    )
     rollout: int = Field(
         default=32, ge=1, description="T: steps of a training sequence, and between trainings."
     )

@@ -77,9 +77,9 @@ class Coupling:
         return self.schedule.at(self.iteration) if self.training else 0.0
 
     @property
-    def true_rotation(self) -> NDArray[np.float32]:
-        """``(E, 3, 3)``, of the objects after the last step."""
-        return self._R.numpy()
+    def true_pose(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """``(E, 3)`` m and ``(E, 3, 3)``, of the objects after the last step."""
+        return self._x.numpy(), self._R.numpy()
 
     def start(self, which: NDArray[np.bool_], x: Array, R: Array, R0: Array) -> None:
         """Begin an episode in the environments ``which (E,)``: true pose x, R, and the orientation R0 given.

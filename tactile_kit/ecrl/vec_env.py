@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 import torch
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from tactile_kit.ecrl.config import ECRLConfig
 from tactile_kit.ecrl.coupling import Coupling
+from tactile_kit.ecrl.privileged import TERMS, Truth
 from tactile_kit.ecrl.watch import Watch
 from tactile_kit.estimator.cell import EstimatorCell
 from tactile_kit.estimator.cells import new_cell
@@ -22,7 +24,7 @@ from tactile_kit.shape import encoding
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.goals import EpisodeSpec
-from tactile_kit.task.observation import Belief
+from tactile_kit.task.observation import Belief, Layout
 from tactile_kit.task.rotations import geodesic
 from tactile_kit.task.variants import Variants
 from tactile_kit.task.vec_env import ReorientVecEnv
@@ -49,6 +51,7 @@ class TactileVecEnv(ReorientVecEnv):
     """
 
     sigma = True
+    private: frozenset[str] = frozenset()  # terms of the observation that are for the critic alone
 
     def __init__(
         self,
@@ -78,6 +81,11 @@ class TactileVecEnv(ReorientVecEnv):
             raise
         self.estimator, self.watch, self._estimate = self.coupling.estimator, Watch(), self.coupling.state
         self.training = episodes is None if training is None else training
+        self._truth: Truth | None = None
+        if self.training and ecrl is not None and ecrl.critic_sees_truth:
+            self._truth, self.private = Truth(self), frozenset(TERMS)
+            self.layout = Layout({**self.layout.sizes, **TERMS})
+            self.observation_space = spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32)
 
     def _couple(
         self, estimator: EstimatorCell | KalmanFilter | EstimatorConfig, ecrl: ECRLConfig, seed: int
@@ -113,11 +121,19 @@ class TactileVecEnv(ReorientVecEnv):
 
     def _start_belief(self, mask: NDArray[np.bool_]) -> Belief:
         self.coupling.start(mask, self.state.x, self.state.R, self.state.R0)
+        if self._truth is not None:
+            self._truth.begin(mask)
         return Belief(*self.coupling.pose())
+
+    def _observe(self) -> NDArray[np.float32]:
+        seen = super()._observe()
+        return seen if self._truth is None else np.concatenate([seen, self._truth()], axis=1)
 
     def _update_belief(self) -> Belief:
         state, valid = self.state, self.simulation.views["status"] != Status.FAULT
-        before = self.coupling.true_rotation
+        before = self.coupling.true_pose[1]
+        if self._truth is not None:
+            self._truth.step(*self.coupling.true_pose)
         self.coupling.update(state.z, state.given, state.x, state.R, valid)
         self._estimate = self.coupling.state
         if self.training:

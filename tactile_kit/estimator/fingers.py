@@ -78,6 +78,13 @@ def fingers(z: Tensor, started: Tensor, memory: Tensor) -> Fingers:
     return out
 
 
+def spheres(q: np.ndarray) -> np.ndarray:
+    """Centres ``(E, 16, 3) float32`` m of the fingers' spheres for true driven angles ``q (E, 12)`` rad."""
+    out = np.empty((len(q), FINGERS * SPHERES, 3), np.float32)
+    _all_spheres(_HAND, np.ascontiguousarray(q, np.float64), out)
+    return out
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def _spheres(hand, q, out):
     """Centres ``out (16, 3)`` of all fingers' spheres for the driven angles ``q (12,)``."""
@@ -96,6 +103,12 @@ def _spheres(hand, q, out):
             for point in range(3):
                 out[SPHERES * f + point, k] = last + along[point] * (c4 * u + s4 * w)
             out[SPHERES * f + 3, k] = knee + lengths[2] * (c3 * u + s3 * w)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _all_spheres(hand, q, out):
+    for e in range(len(q)):
+        _spheres(hand, q[e], out[e])
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -42,8 +42,9 @@ class Followed:
     def of(self, ids: Sequence[int]) -> Followed:
         """The episodes of some objects."""
         which = np.isin(self.object_id, ids)
-        parts = (self.angle, self.position, self.sigma, self.goal, self.believed, self.held)
-        return Followed(*(part[:, which] for part in parts), self.object_id[which])
+        names = ("angle", "position", "sigma", "goal", "believed", "held")
+        parts: dict[str, Any] = {name: getattr(self, name)[:, which] for name in names}
+        return Followed(**parts, object_id=self.object_id[which])
 
     def figures(self) -> dict[str, float]:
         """Mean errors over all steps and at 1, 2, 5, 10 s (rad), the share within 0.4 rad at 10 s, and calibration.
@@ -111,7 +112,7 @@ def _played(agent: Any, env: Any, truth: bool) -> Followed:
     env.coupling.told = truth
     count = env.num_envs
     names = ("angle", "position", "sigma", "goal", "believed")
-    rows = {name: np.full((HORIZON, count), np.nan) for name in names}
+    rows: dict[str, Any] = {name: np.full((HORIZON, count), np.nan) for name in names}
     held = np.zeros((HORIZON, count), bool)
     observation = env.reset()
     things = env.variants.objects

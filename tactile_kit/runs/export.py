@@ -35,7 +35,7 @@ def export_agent(
     Weights and agent.json change together: a kill at any moment leaves an agent that loads.
     """
     actor, critics = learner_networks(learner)
-    parts = {"policy.safetensors": actor.state_dict(), "critic.safetensors": critics[0].state_dict()}
+    parts = {"policy.safetensors": _own_tensors(actor), "critic.safetensors": critics[0].state_dict()}
     estimator = None
     if config.kind == "tactile":
         cell = learner.env.estimator
@@ -70,6 +70,12 @@ def export_agent(
     replace_together(directory, weights, "agent.json", json_bytes(manifest.to_json()))
     write_atomically(directory / "README.md", model_card(directory.name, manifest, evaluation).encode())
     return manifest
+
+
+def _own_tensors(actor: Any) -> dict[str, Any]:
+    """The actor's weights; of statistics that it shares with a critic that sees more, its own entries."""
+    size = actor.features.size
+    return {name: t[:size].clone() if ".norm." in name else t for name, t in actor.state_dict().items()}
 
 
 def model_card(name: str, manifest: Manifest, evaluation: dict[str, Any] | None = None) -> str:
