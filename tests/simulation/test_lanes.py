@@ -16,7 +16,6 @@ from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.compiled import Batch
 from tactile_kit.simulation.compiled.lanes import LANES
 from tactile_kit.simulation.compiled.rows import ROWS, SHAPES, SIZES, at
-from tactile_kit.simulation.compiled.tables import distance_grids
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.grasps import GraspBank
 
@@ -194,12 +193,12 @@ def test_poses_come_back(make: Make, bank: GraspBank) -> None:
     np.testing.assert_allclose(rotation, bank.rotation[grasps], atol=1e-6)
 
 
-def test_grids_hold_the_distance(bodies, meshes, things, make: Make) -> None:
+def test_grids_hold_the_distance(bodies, things, make: Make) -> None:
     """Against trimesh's closest points, in the bodies' own frames."""
     import trimesh
 
-    _, first, spacing = distance_grids(bodies, meshes)
     generator, batch = np.random.default_rng(0), make([0, 1])
+    _, first, spacing = batch.grids
     for index, name in enumerate(("cube", "l_shape")):
         body, thing, twin = bodies[index], things[name], Twin(batch, index)
         mesh = trimesh.Trimesh(thing.vertices, thing.faces, process=False)

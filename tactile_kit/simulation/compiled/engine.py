@@ -1,6 +1,6 @@
 """Many episodes of the compiled physics, behind the same arrays as the workers' Bullet (simulation/vector.py).
 
-For training only: it plays the same episodes (objects, grasps, randomisation, ends), some hundred times faster, with
+For training only: it plays the same episodes (objects, grasps, randomisation, ends), many times faster, with
 simpler contacts. Whatever is measured of an agent is measured in Bullet.
 """
 

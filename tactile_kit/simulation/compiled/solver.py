@@ -83,7 +83,12 @@ def _contact(s, c, live, largest, w, u, v):
     them anew after each push would take twice as long, all of it waiting.
     """
     impulse = c + IMPULSE
-    normal, one, two, three = load(s, impulse), load(s, impulse + 1), load(s, impulse + 2), load(s, impulse + 3)
+    normal, one, two, three = (
+        load(s, impulse),
+        load(s, impulse + 1),
+        load(s, impulse + 2),
+        load(s, impulse + 3),
+    )
     speed_one, speed_two = _speed(s, c + ROW, w, u, v), _speed(s, c + 2 * ROW, w, u, v)
     finger, turning = load3(s, c + SPIN), load3(s, c + SPIN + 3)
     speed_three = dot(finger, w) + dot(turning, v)
