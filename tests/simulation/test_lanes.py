@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ import randomization
 from tactile_kit.hand import kinematics
 from tactile_kit.shape import MeshTable
 from tactile_kit.simulation.bodies import Body
-from tactile_kit.simulation.compiled import Batch
+from tactile_kit.simulation.compiled import Batch, kernel
 from tactile_kit.simulation.compiled.lanes import LANES
 from tactile_kit.simulation.compiled.rows import ROWS, SHAPES, SIZES, at
 from tactile_kit.simulation.config import SimulationConfig
@@ -154,6 +156,16 @@ def test_what_explodes_leaves_its_neighbours_alone(make: Make, fault: str) -> No
         ours, theirs = getattr(left.now, name), getattr(right.now, name)
         assert np.array_equal(bits(ours[..., others]), bits(theirs[..., others])), name
     assert any(not np.array_equal(getattr(left.now, n)[..., 5], getattr(right.now, n)[..., 5]) for n in STATE)
+
+
+def test_the_cache_knows_all_parts() -> None:
+    """Numba sees changes of the entry's file alone: the others that it is made of have to be in its name on disk."""
+    folder = Path(kernel.__file__).parent
+    known = {part.stem for part in kernel.PARTS}
+    for name in ("kernel", *known):
+        for node in ast.walk(ast.parse((folder / f"{name}.py").read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(kernel.__package__ or "?"):
+                assert (node.module or "").rsplit(".", 1)[1] in known
 
 
 def test_rows_do_not_overlap() -> None:
