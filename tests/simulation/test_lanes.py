@@ -185,6 +185,15 @@ def test_names_are_views_of_the_table(make: Make) -> None:
         assert (getattr(batch.now, name) == number).all()
 
 
+@pytest.mark.parametrize("variant", [-1, 2])
+def test_there_are_no_other_objects(make: Make, variant: int) -> None:
+    batch, joints = make([0, 1]), np.zeros((1, 12))
+    with pytest.raises(ValueError, match="allowed are 0 to 1"):
+        batch.place(
+            np.array([1]), np.array([variant]), joints, joints, np.zeros((1, 3)), np.eye(3)[None]
+        )  # the kernel would read past the grids
+
+
 def test_undoing_a_step(make: Make) -> None:
     batch = make(np.arange(5))
     play(batch, np.arange(5), 2)

@@ -99,7 +99,12 @@ class Batch:
             command: filtered command and target ``(n, 12)`` rad.
             position: of the object's canonical frame, ``(n, 3)`` m, world frame.
             rotation: of it, ``(n, 3, 3)``.
+
+        Raises:
+            ValueError: there is no such object.
         """
+        if np.any((variant < 0) | (variant >= len(self._masses))):
+            raise ValueError(f"variant = {variant}: allowed are 0 to {len(self._masses) - 1}")
         now, axes = self.now, self._axes[variant]
         self.variant[which], self._nodes[which] = variant, variant * NODES**3
         centre = position + (rotation @ self._coms[variant][..., None])[..., 0]
