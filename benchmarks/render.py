@@ -35,6 +35,7 @@ BLOCKS: dict[str, tuple[str, Callable[[dict[str, Any]], list[str]]]] = {
     "bfloat16": ("learners", tables_speed.bfloat16),
     "steps": ("physics", tables_physics.steps),
     "iterations": ("physics", tables_physics.iterations),
+    "lanes": ("lanes", tables_compiled.lanes),
     "compiled_speed": ("compiled", tables_compiled.speed),
     "compiled_motion": ("compiled", tables_compiled.motion),
     "compiled_ends": ("compiled", tables_compiled.ends),

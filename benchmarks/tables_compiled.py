@@ -30,6 +30,31 @@ def speed(record: Row) -> list[str]:
     ]
 
 
+def lanes(record: Row) -> list[str]:
+    """Cost of a control step under the oracle, by kernel and by part."""
+    kernels = record["kernels"]
+    rows = []
+    if kernels["scalar"] is not None:
+        rows.append(("kernel before lanes", kernels["environments"], kernels["scalar"], 1.0))
+    rows.append(("kernel", kernels["environments"], kernels["lanes"], kernels["ratio"]))
+    lines = [
+        "| | environments | CPU µs a control step | speed |",
+        "|---|---|---|---|",
+        *(
+            f"| {name} | {count} | {cost:.1f} | {'' if ratio is None else f'{ratio:.1f}'} |"
+            for name, count, cost, ratio in rows
+        ),
+    ]
+    for whole in record["whole"]:
+        parts = whole["parts"]
+        around = parts["begin"] + parts["end"]
+        lines.append(
+            f"| whole step: kernel {parts['kernel']:.1f}, around it {around:.1f}, new episodes "
+            f"{parts['episodes']:.1f} | {whole['environments']} | {whole['whole']:.1f} | |"
+        )
+    return lines
+
+
 def motion(record: Row) -> list[str]:
     """How far engines come apart with time."""
     lines = [

@@ -181,10 +181,10 @@ class Direction(_Checked):
     def sample(self, rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
         # Lengths come from a child generator, so that a longer draw starts with the rows of a shorter one.
         lengths: float | np.ndarray
-        if isinstance(self.magnitude, Distribution):
-            lengths = self.magnitude.sample(rng.spawn(1)[0], (*shape[:-1], 1))
-        else:
+        if isinstance(self.magnitude, float):  # asking for the protocol instead takes longer than all drawing
             lengths = self.magnitude
+        else:
+            lengths = self.magnitude.sample(rng.spawn(1)[0], (*shape[:-1], 1))
         vectors = rng.standard_normal(shape)
         return lengths * vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 

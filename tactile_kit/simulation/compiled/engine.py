@@ -1,6 +1,6 @@
 """Many episodes of the compiled physics, behind the same arrays as the workers' Bullet (simulation/vector.py).
 
-For training only: it plays the same episodes (objects, grasps, randomisation, ends), some hundred times faster, with
+For training only: it plays the same episodes (objects, grasps, randomisation, ends), many times faster, with
 simpler contacts. Whatever is measured of an agent is measured in Bullet.
 """
 
@@ -134,7 +134,8 @@ class CompiledSimulation:
     def _faults(self) -> dict[int, str]:
         """What went wrong, by environment; the limits are those of Bullet's simulator."""
         now = self.batch.now
-        speed, spin = np.linalg.norm(now.velocity[:3], axis=0), np.linalg.norm(now.velocity[3:], axis=0)
+        velocity = now.velocity.astype(np.float64)  # the square of a float32 may be infinite
+        speed, spin = np.linalg.norm(velocity[:3], axis=0), np.linalg.norm(velocity[3:], axis=0)
         fastest = np.abs(now.dq).max(axis=(0, 1))
         moving = (speed <= MAX_SPEED) & (spin <= MAX_SPIN) & (fastest <= MAX_JOINT_SPEED)
         good = moving & (now.deepest >= -MAX_DEPTH) & np.isfinite(now.place).all(axis=0) & self._active

@@ -265,5 +265,5 @@ def _compiled(version: str):
     return control_step
 
 
-_PARTS = [Path(__file__).parent / f"{name}.py" for name in ("contacts", "lanes", "rows", "solver", "space")]
-control_step = _compiled(hashlib.sha256(b"".join(part.read_bytes() for part in _PARTS)).hexdigest())
+PARTS = [Path(__file__).parent / f"{name}.py" for name in ("contacts", "lanes", "rows", "solver", "space")]
+control_step = _compiled(hashlib.sha256(b"".join(part.read_bytes() for part in PARTS)).hexdigest())

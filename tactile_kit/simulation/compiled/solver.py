@@ -89,12 +89,14 @@ def _contact(s, c, live, largest, w, u, v):
         load(s, impulse + 2),
         load(s, impulse + 3),
     )
-    speed_one, speed_two = _speed(s, c + ROW, w, u, v), _speed(s, c + 2 * ROW, w, u, v)
-    finger, turning = load3(s, c + SPIN), load3(s, c + SPIN + 3)
-    speed_three = dot(finger, w) + dot(turning, v)
     after = normal + (load(s, c + BIAS) - _speed(s, c, w, u, v)) * load(s, c + ALIKE)
     after = where(after < 0.0, 0.0, after)
     on = live & (after + normal > 0.0)  # elsewhere apart, and so without friction
+    if not any_of(on):
+        return largest, w, u, v
+    speed_one, speed_two = _speed(s, c + ROW, w, u, v), _speed(s, c + 2 * ROW, w, u, v)
+    finger, turning = load3(s, c + SPIN), load3(s, c + SPIN + 3)
+    speed_three = dot(finger, w) + dot(turning, v)
     push = after - normal
     store(s, impulse, where(on, after, normal))
     worst = size(push) * load(s, c + OPPOSED)

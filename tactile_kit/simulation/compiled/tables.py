@@ -75,12 +75,19 @@ def hand_tables() -> Hand:
     )
 
 
-def distance_grids(bodies: Sequence[Body], meshes: MeshTable) -> tuple[NDArray[np.float32], Array, Array]:
-    """Distance and outward direction around every body, in its frame of principal axes.
+class Grids(NamedTuple):
+    """Distance and outward direction around bodies, in their frames of principal axes."""
 
-    Returns:
-        Grids ``(N, 32, 32, 32, 4) float32`` (m, unit vector; zero inside), their first nodes ``(N, 3)`` m and the
-        spacing of their nodes ``(N, 3)`` m.
+    nodes: Array  # (N, 32, 32, 32, 4) float32: m, zero inside; unit vector
+    first: Array  # (N, 3) m, where the first node is
+    spacing: Array  # (N, 3) m
+
+
+def distance_grids(bodies: Sequence[Body], meshes: MeshTable) -> Grids:
+    """The grids of all bodies, whose surfaces are ``meshes``.
+
+    Raises:
+        ValueError: the closest points of a mesh are not to be found; names the object.
     """
     count = len(bodies)
     grids = np.empty((count, NODES, NODES, NODES, 4), np.float32)
@@ -95,7 +102,7 @@ def distance_grids(bodies: Sequence[Body], meshes: MeshTable) -> tuple[NDArray[n
         outwards = np.where(distance > 0, vectors, _nodes(low, spacing[index]))
         length = np.maximum(np.linalg.norm(outwards, axis=-1, keepdims=True), 1e-12)
         grids[index] = np.concatenate([distance, outwards / length], axis=-1)
-    return grids, first, spacing
+    return Grids(grids, first, spacing)
 
 
 def _nodes(low: Array, spacing: Array) -> Array:
