@@ -79,6 +79,7 @@ def prepare(plan: Plan) -> Path:
         "out": str(plan.out),
         "pipeline": str(plan.pipeline),
         "source": str(ROOT / "reproduce"),
+        "num_workers": plan.scale.num_workers,
         "grasps": sorted(grasps),
         "train": train,
         "evaluate": evaluate,

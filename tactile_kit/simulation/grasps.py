@@ -3,26 +3,22 @@
 Every fingertip moves towards the object's centre while the object is held in its place; then it is let go.
 
 The paper (section II-E) spawns a randomly oriented object in the hand and closes the fingers by a heuristic. Grasps are
-found once an object and size and kept in a bank, named by the content of everything that they depend on.
+found once an object and size and kept in a bank (simulation/banks.py).
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 import randomization
 from object_sets import Object
-from object_sets.storage import cache_directory, npz_bytes, write_atomic
-from tactile_kit.hand import inverse, kinematics, urdf
+from tactile_kit.hand import inverse, kinematics
 from tactile_kit.simulation.bodies import Body
-from tactile_kit.simulation.config import SimulationConfig, command_share
+from tactile_kit.simulation.config import command_share
 from tactile_kit.simulation.world import Grasp, PhysicsFault, World
 from tactile_kit.task.rotations import geodesic, random_rotations
 
@@ -42,8 +38,8 @@ RECIPE = 7  # counts changes of this file and of the physics that give other gra
 ALL = np.ones(kinematics.FINGERS, bool)
 
 
-class GraspError(RuntimeError):
-    """No grasp was found."""
+class GraspError(ValueError):
+    """An object can't be held: too few grasps were found."""
 
 
 def _opened(offset: Array | float) -> Array:
@@ -176,50 +172,4 @@ def find_grasps(
     raise GraspError(
         f"{thing.name} with extents {np.round(thing.extents * 1000, 1)} mm: {len(found)} of {count} grasps held in "
         f"{attempts * count} tries"
-    )
-
-
-def _bank_file(thing: Object, count: int, seed: int, config: SimulationConfig, spread: float) -> Path:
-    physics = config.model_dump(
-        exclude={"engine", "support", "drag"}
-    )  # grasps are found in Bullet, without support
-    settings = json.dumps(
-        [RECIPE, thing.digest, count, seed, spread, physics, urdf.hand_urdf()], sort_keys=True
-    )
-    return cache_directory() / "grasps" / f"{hashlib.sha256(settings.encode()).hexdigest()[:24]}.npz"
-
-
-def _save(path: Path, grasps: Sequence[Grasp]) -> None:
-    write_atomic(
-        path, npz_bytes({n: np.stack([getattr(g, n) for g in grasps]) for n in Grasp.__annotations__})
-    )
-
-
-def grasps_of(
-    things: Sequence[Object],
-    count: int,
-    config: SimulationConfig,
-    seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
-    spread: float = 0.0,
-) -> GraspBank:
-    """The bank of ``count`` grasps for each of ``things``, read from the cache where it is there.
-
-    Grasps are looked for at the coarsest step: they are starting states, and every episode lets them settle.
-    """
-    world, rows = None, []
-    for index, thing in enumerate(things):
-        path = _bank_file(thing, count, seed, config, spread)
-        if not path.exists():
-            world = world or World(config)
-            _save(path, find_grasps(world, thing, count, seed, spread=spread))
-        with np.load(path, allow_pickle=False) as data:
-            rows.append({name: data[name] for name in Grasp.__annotations__})
-        if progress:
-            progress(index + 1, len(things))
-    if world is not None:
-        world.close()
-    start = np.cumsum([0] + [len(row["joints"]) for row in rows])
-    return GraspBank(
-        **{name: np.concatenate([row[name] for row in rows]) for name in Grasp.__annotations__}, start=start
     )

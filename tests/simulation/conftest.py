@@ -12,9 +12,10 @@ import object_sets
 import randomization
 from object_sets import Object
 from tactile_kit.hand import kinematics
+from tactile_kit.simulation.banks import grasps_of
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import SimulationConfig
-from tactile_kit.simulation.grasps import GraspBank, grasps_of
+from tactile_kit.simulation.grasps import GraspBank
 from tactile_kit.simulation.world import Grasp, World
 
 AWAY = np.array([0.0, 0.0, 2.0])  # where the object troubles nobody
