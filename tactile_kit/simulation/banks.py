@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -35,7 +35,12 @@ class CacheError(ValueError):
 
 
 class Finder(Protocol):
-    """A way to find the grasps of an object; it pickles as long as it has not found any."""
+    """A way to find the grasps of an object; it pickles as long as it has not found any.
+
+    ``worth`` is the number of banks that pay for the start of a worker process.
+    """
+
+    worth: ClassVar[int]
 
     def key(self) -> list[Any]:
         """All that the grasps depend on beside the object, as JSON."""
@@ -51,6 +56,7 @@ class Finder(Protocol):
 class BulletFinder:
     """``count`` grasps found in Bullet under ``config`` (without support); ``spread`` (rad) as in ``find_grasps``."""
 
+    worth: ClassVar[int] = 1
     count: int
     config: SimulationConfig
     seed: int = 0
@@ -97,7 +103,7 @@ def find_banks(
     Args:
         finder: what looks for the grasps that the cache does not hold.
         choices: sizes of an object in the order in which they are tried.
-        num_workers: processes that search; below 2 this process does.
+        num_workers: processes that search, where they are worth their start; below 2 this process does.
         report: called with (banks there, banks in all). Without it, a search that takes its time is shown on stderr.
         quiet: show nothing there.
 
@@ -114,6 +120,7 @@ def find_banks(
             len(choices), done, "grasps", "objects and sizes", quiet or report is not None, PATIENCE
         )
         try:
+            counter.show(done)
             for at, thing in _found(finder, choices, missing, num_workers):
                 things[at] = thing
                 done += 1
@@ -148,7 +155,7 @@ def _known(finder: Finder, choice: Sequence[Object]) -> Object | None:
 
 def _found(finder: Finder, choices: Sequence[Sequence[Object]], missing: list[int], num_workers: int) -> Any:
     """Pairs of a place among ``choices`` and the object there that can be held, in any order."""
-    count = min(num_workers, len(missing))
+    count = min(num_workers, -(-len(missing) // finder.worth))
     if count > 1:
         with Workers(count, _begin, (finder,)) as workers:
             for number, thing in workers.as_they_end(_settle, [choices[at] for at in missing]):

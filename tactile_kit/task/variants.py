@@ -77,11 +77,16 @@ class RandomSizes(Sequence[Object]):
 
 
 def finder_of(config: TaskConfig) -> Finder:
-    """What finds the grasps of a task.
+    """What finds the grasps of a task: the physics that it is played in.
 
     Grasps are looked for at the coarsest step: they are starting states, and every episode lets them settle.
     """
-    return BulletFinder(config.grasps, config.simulation.plain(MEASUREMENT_RATE), spread=config.grasp_spread)
+    coarse = config.simulation.plain(MEASUREMENT_RATE)
+    if config.simulation.engine == "compiled":
+        from tactile_kit.simulation.compiled.grasping import CompiledFinder
+
+        return CompiledFinder(config.grasps, coarse, spread=config.grasp_spread)
+    return BulletFinder(config.grasps, coarse, spread=config.grasp_spread)
 
 
 def prepare(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 
 from object_sets import Object
+from tactile_kit.progress import Counter
 from tactile_kit.simulation import banks
 from tactile_kit.simulation.banks import BulletFinder, CacheError, bank_file, find_banks, save
 from tactile_kit.simulation.config import SimulationConfig
@@ -134,11 +136,13 @@ def test_a_damaged_bank_is_named(things, bank: GraspBank, cache) -> None:
 
 def test_a_search_shows_how_far_it_is(things, cache, monkeypatch, capsys) -> None:
     monkeypatch.setattr(banks, "PATIENCE", 0.0)
+    monkeypatch.setattr(Counter, "EVERY", 0.0)
     finder = BulletFinder(1, SimulationConfig())
     find_banks(finder, [(things["cube"],), (things["cube"].with_extents([0.06] * 3),)])
     said = capsys.readouterr().err.splitlines()
-    assert said[0].startswith("grasps: 1/2 objects and sizes, ") and said[0].endswith(" left")
-    assert said[-1].startswith("grasps: 2/2 objects and sizes, ") and said[-1].endswith(" 0:00 left")
+    assert said[0] == "grasps: 0/2 objects and sizes, 0/s, ? left"
+    assert re.fullmatch(r"grasps: 1/2 objects and sizes, [\d.]+/s, \d:\d\d left", said[1])
+    assert re.fullmatch(r"grasps: 2/2 objects and sizes, [\d.]+/s, 0:00 left", said[2])
     find_banks(BulletFinder(2, SimulationConfig()), [(things["cube"],)], quiet=True)
     assert not capsys.readouterr().err
 
