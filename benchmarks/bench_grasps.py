@@ -121,7 +121,7 @@ def main() -> None:
             "grasps": len(variants.bank.joints),
             **taken,
             **hold(variants, 1 if options.quick else 4),
-            **play(variants, 1 if options.quick else 4, WORKERS),
+            **play(variants, 1 if options.quick else 3, WORKERS),
         }
         print(engine, results["banks"][engine], flush=True)
     write("grasps", results, options, ("pybullet", "numba", "numpy"))

@@ -97,6 +97,15 @@ def test_what_is_found_does_not_depend_on_what_is_tried_beside_it(things, monkey
                 np.testing.assert_array_equal(value, getattr(other, name))
 
 
+def test_a_grasp_holds_with_less_friction(things, monkeypatch) -> None:
+    """Fewer tries hold than with all of it, and none with next to nothing."""
+    tries, held = draw_tries(things["cut_cube"], 48, 0, 1, SPREAD), []
+    for margin in (1.0, grasping.MARGIN, 0.02):
+        monkeypatch.setattr(grasping, "MARGIN", margin)
+        held.append(len(try_all(things["cut_cube"], tries)))
+    assert held[0] > held[1] > held[2] == 0
+
+
 def test_what_can_not_be_held_is_an_error(things) -> None:
     thing = things["cube"].with_extents([0.002, 0.002, 0.002])
     with pytest.raises(GraspError, match=r"cube with extents \[2. 2. 2.\] mm: 0 of 1 .* 3 tries"):

@@ -26,6 +26,9 @@ from tactile_kit.simulation.world import MAX_JOINT_SPEED
 Array = NDArray[Any]
 PHYSICS = 1  # counts changes of this file and of the compiled physics that give other grasps
 TOGETHER = 16  # tries at once, a multiple of it
+# Of the friction, under gravity. These contacts hold tries that slip in Bullet: what holds with less, Bullet holds too.
+MARGIN = 0.8
+FRICTION = ("tip_friction", "link_friction", "spinning_friction")
 
 
 @dataclass
@@ -76,6 +79,7 @@ def try_grasps(
     batch.set_physics(every, [weightless] * count)
     good = _close(batch, tries)
     heavy = {**weightless, "gravity": randomization.STANDARD_GRAVITY}
+    heavy |= {name: MARGIN * weightless[name] for name in FRICTION}
     batch.set_physics(every, [heavy] * count)
     command = _hands(batch.now.filtered)
     batch.now.target[:] = _columns(command)
