@@ -62,7 +62,7 @@ format: setup  ## mend the style
 	$(BIN)/ruff check --fix $(CODE)
 	$(BIN)/ruff format $(CODE)
 
-bench: setup  ## measure speed and physics, a quarter of an hour of an idle machine; the tables of docs/speed.md and docs/physics.md
+bench: setup  ## measure speed and physics, some twenty minutes of an idle machine; the tables of docs/speed.md and docs/physics.md
 	@for script in benchmarks/bench_*.py; do \
 		echo "$$script"; OMP_NUM_THREADS=1 $(BIN)/python "$$script" $(BENCH_ARGS) || exit 1; done
 	$(BIN)/python benchmarks/render.py

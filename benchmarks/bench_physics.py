@@ -24,9 +24,10 @@ import randomization
 from tactile_kit.evaluation.intervals import wilson
 from tactile_kit.hand import kinematics
 from tactile_kit.hand.controller import finger_mass_matrices
+from tactile_kit.simulation.banks import grasps_of
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import SimulationConfig
-from tactile_kit.simulation.grasps import GraspBank, grasps_of, try_grasp
+from tactile_kit.simulation.grasps import GraspBank, try_grasp
 from tactile_kit.simulation.simulator import dropped
 from tactile_kit.simulation.world import Grasp, PhysicsFault, World
 from tactile_kit.task.rotations import geodesic, random_rotations

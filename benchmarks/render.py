@@ -31,6 +31,7 @@ BLOCKS: dict[str, tuple[str, Callable[[dict[str, Any]], list[str]]]] = {
     "bps": ("bps", tables_speed.bps),
     "bps_goals": ("bps", tables_speed.bps_goals),
     "bps_exactness": ("bps", tables_speed.bps_exactness),
+    "grasps": ("grasps", tables_speed.grasps),
     "learners": ("learners", tables_speed.learners),
     "bfloat16": ("learners", tables_speed.bfloat16),
     "steps": ("physics", tables_physics.steps),

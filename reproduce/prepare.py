@@ -11,7 +11,7 @@ from typing import Any
 from reproduce.files import ROOT, dump_yaml, read_json, shown, write_if_changed
 from reproduce.inventory import NEEDS, found, inventory, is_made
 from reproduce.plan import ARTEFACTS, Evaluation, Plan
-from reproduce.settings import evaluation_grasps, evaluation_settings, grasp_item, run_settings
+from reproduce.settings import evaluation_grasps, evaluation_settings, run_settings, training_grasps
 
 OBJECTS = {"paper": 13, "all": 16, "geometric8": 8, "ood": 5, "complex": 3}  # sizes of the named sets
 
@@ -37,7 +37,7 @@ def prepare(plan: Plan) -> Path:
             for run in runs
         ]
         write_if_changed(jobs / "train" / f"{job}.yaml", dump_yaml(entries))
-        banks = dict(grasp_item(entry["config"]) for entry in entries)
+        banks = dict(training_grasps(entry["config"]) for entry in entries)
         grasps |= banks
         after = {plan.job_of(name) for run in runs for name in run.sources} - {job}
         steps = sum(int(entry["config"].get("steps", 0)) for entry in entries)
@@ -79,6 +79,7 @@ def prepare(plan: Plan) -> Path:
         "out": str(plan.out),
         "pipeline": str(plan.pipeline),
         "source": str(ROOT / "reproduce"),
+        "num_workers": plan.scale.num_workers,
         "grasps": sorted(grasps),
         "train": train,
         "evaluate": evaluate,

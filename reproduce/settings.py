@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from reproduce.errors import ScaleError
 from reproduce.plan import Evaluation, Plan, Run
 from reproduce.scales import SETS, split_variant
+
+if TYPE_CHECKING:
+    from tactile_kit.task.config import TaskConfig
 
 ABLATIONS: dict[str, dict[str, Any]] = {  # Table II
     "nosigma": {"task.sigma_in_observation": False},
@@ -84,16 +87,23 @@ def evaluation_grasps(
         )
     except ValueError as error:
         raise ScaleError(f"{evaluation.name}: {error}") from None
-    return grasp_item({"task": task.model_dump(mode="json")})
+    return grasp_item(task)
 
 
-def grasp_item(config: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """(name, task settings) of the grasps a run needs. Runs with the same objects and physics share them."""
-    keys = (
+def training_grasps(config: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """As ``grasp_item``, for a training of the resolved ``config``."""
+    from tactile_kit.runs.config import RunConfig
+
+    run = RunConfig.build(config)
+    return grasp_item(run.episodes.applied(run.task))
+
+
+def grasp_item(task: TaskConfig) -> tuple[str, dict[str, Any]]:
+    """(name, task settings) of the grasps that a task needs. Runs with the same objects and physics share them."""
+    keys = {
         "objects", "scaling", "variants", "variant_seed", "extent_range", "grasps", "grasp_spread", "simulation",
-    )  # fmt: skip
-    training = {name: value for name, value in config.get("episodes", {}).items() if value is not None}
-    settings = {**config["task"], **training}
-    task = {key: settings[key] for key in keys if key in settings}
-    digest = hashlib.blake2s(json.dumps(task, sort_keys=True).encode()).hexdigest()[:8]
-    return f"{str(task['objects']).replace(',', '+')}-{task['scaling']}-{digest}", task
+    }  # fmt: skip
+    settings = task.model_dump(mode="json", include=keys)
+    settings["simulation"] |= {"support": 0.0, "drag": 0.0}  # no matter of grasps
+    digest = hashlib.blake2s(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:8]
+    return f"{task.objects.replace(',', '+')}-{task.scaling}-{digest}", settings

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from reproduce.files import read_yaml, write_atomic
+from reproduce.files import read_json, read_yaml, write_atomic
 from reproduce.heartbeat import Heartbeat
 
 
@@ -13,8 +13,8 @@ def run(pipeline: Path, item: str, beat: Heartbeat) -> None:
     from tactile_kit.task.config import TaskConfig
     from tactile_kit.task.variants import prepare
 
-    variants = prepare(TaskConfig(**read_yaml(pipeline / "jobs" / "grasps" / f"{item}.yaml")))
-    beat(1, 1)
+    task = TaskConfig(**read_yaml(pipeline / "jobs" / "grasps" / f"{item}.yaml"))
+    variants = prepare(task, read_json(pipeline / "plan.json")["num_workers"], progress=beat)
     found = {thing.name: 0 for thing in variants.objects}
     for index, thing in enumerate(variants.objects):
         found[thing.name] += variants.bank.count(index)

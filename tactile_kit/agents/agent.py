@@ -20,6 +20,7 @@ from tactile_kit.agents.networks import GaussianPolicy, InputLayout, Observation
 
 if TYPE_CHECKING:
     from tactile_kit.task.config import TaskConfig
+    from tactile_kit.task.variants import Variants
 
 
 @dataclass
@@ -77,15 +78,22 @@ class Agent:
         num_workers: int = 1,
         seed: int = 0,
         episodes: Iterable | None = None,
+        variants: Variants | None = None,
     ):
         """The environment this agent acts in, for evaluation: the true pose for an oracle, its own estimate (never
-        the truth, no training) for a tactile agent. ``config`` defaults to the task it was trained on."""
+        the truth, no training) for a tactile agent. ``config`` defaults to the task it was trained on, ``variants`` to
+        those of ``config``."""
         config = self.task if config is None else config
         if self.kind == "oracle":
             from tactile_kit.task.vec_env import ReorientVecEnv
 
             return ReorientVecEnv(
-                config, num_envs=num_envs, num_workers=num_workers, seed=seed, episodes=episodes
+                config,
+                num_envs=num_envs,
+                num_workers=num_workers,
+                seed=seed,
+                episodes=episodes,
+                variants=variants,
             )
         from tactile_kit.ecrl import TactileVecEnv
 
@@ -95,6 +103,7 @@ class Agent:
             num_workers=num_workers,
             seed=seed,
             episodes=episodes,
+            variants=variants,
             estimator=self.estimator,
             training=False,
         )

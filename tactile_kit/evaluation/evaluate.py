@@ -11,7 +11,7 @@ from randomization import derive
 from tactile_kit.evaluation.cases import GOALS
 from tactile_kit.evaluation.errors import EvaluationError
 from tactile_kit.evaluation.rows import EpisodeRow
-from tactile_kit.evaluation.schedule import HORIZON, STEPS_PER_SECOND, schedule
+from tactile_kit.evaluation.schedule import HORIZON, STEPS_PER_SECOND, Schedule, schedule
 
 NUM_ENVS = 16
 
@@ -33,6 +33,7 @@ def evaluate(
     num_workers: int = 1,
     name: str | None = None,
     progress: Callable[[int, int], None] | None = None,
+    quiet: bool = False,
 ) -> list[EpisodeRow]:
     """Evaluates an agent and returns one row an episode, in the order of ``cases.make_episodes``.
 
@@ -52,9 +53,10 @@ def evaluate(
         goals_per_case: how many of the 24 goals each body and mesh is given.
         randomization: preset of domain randomisation.
         steps_per_second: of the physics, a multiple of 60, whatever the agent was trained with.
-        num_envs, num_workers: how the work is spread over environments and processes.
+        num_envs, num_workers: how the work, a search for grasps too, is spread over environments and processes.
         name: what the rows call the agent; its directory's name by default.
         progress: called with (episodes done, episodes in all) now and then.
+        quiet: show nothing of a search for grasps on stderr.
 
     Raises:
         EvaluationError: an argument out of range; unknown objects raise ``object_sets``' error with the nearest name.
@@ -70,9 +72,10 @@ def evaluate(
     plan = schedule(
         agent.task, objects, goals=goals, episodes_per_goal=episodes_per_goal, seed=seed, given=given, scaling=scaling,
         sizes=sizes, goals_per_case=goals_per_case, randomization=randomization, steps_per_second=steps_per_second,
+        num_workers=num_workers, quiet=quiet,
     )  # fmt: skip
     envs = min(num_envs, len(plan.specs))
-    results = _roll_out(agent, plan.task, plan.specs, envs, num_workers, seed, progress)
+    results = _roll_out(agent, plan, envs, num_workers, seed, progress)
     manifest, label = agent.manifest, name or agent.directory.name
     return [
         plan.row(
@@ -88,15 +91,17 @@ def evaluate(
 
 
 def _roll_out(
-    agent: Any, task: Any, specs: list, num_envs: int, num_workers: int, seed: int, progress: Callable | None
+    agent: Any, plan: Schedule, num_envs: int, num_workers: int, seed: int, progress: Callable | None
 ) -> list:
     """Plays the episodes, each once; their results in order."""
+    specs = plan.specs
     env = agent.make_env(
-        config=task,
+        config=plan.task,
         num_envs=num_envs,
         num_workers=num_workers,
         seed=derive(seed, "evaluation"),
         episodes=specs,
+        variants=plan.variants,
     )
     try:
         observations = env.reset()

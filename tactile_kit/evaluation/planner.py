@@ -6,14 +6,9 @@ say what the hand and the task allow, and its cost what that takes without any t
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import threading
 import time
 from collections.abc import Container, Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import connection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +18,7 @@ from tactile_kit.evaluation.errors import EvaluationError
 from tactile_kit.evaluation.rows import EpisodeRow
 from tactile_kit.evaluation.schedule import STEPS_PER_SECOND, schedule
 from tactile_kit.planning import Planner, PlannerConfig
+from tactile_kit.processes import Workers
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.rotations import geodesic
@@ -90,7 +86,7 @@ def evaluate_planner(
         objects, episodes_per_goal, seed, goals_per_case, randomization, steps_per_second: as in ``evaluate``; the
             steps are those of the episode, the planner's own world may have coarser ones.
         planner: settings of the planner.
-        num_workers: processes that plan, an episode each; 0 plans in this process.
+        num_workers: processes that plan, an episode each, and look for grasps before; 0 plans in this process.
         done: seeds of episodes to leave out.
 
     Raises:
@@ -103,6 +99,7 @@ def evaluate_planner(
     plan = schedule(
         TaskConfig(encoding="none"), objects, episodes_per_goal=episodes_per_goal, seed=seed,
         goals_per_case=goals_per_case, randomization=randomization, steps_per_second=steps_per_second,
+        num_workers=num_workers,
     )  # fmt: skip
     blueprint = Core(plan.task, variants=plan.variants).blueprint
     numbers = [number for number, episode in enumerate(plan.episodes) if episode.seed not in done]
@@ -145,13 +142,8 @@ def _spread(
     specs: list[EpisodeSpec],
     num_workers: int,
 ) -> Iterator[Played]:
-    pool = ProcessPoolExecutor(
-        num_workers, multiprocessing.get_context("spawn"), _begin, (blueprint, config, gravity, angle)
-    )
-    try:
-        yield from pool.map(_play, specs)
-    finally:
-        pool.shutdown(cancel_futures=True)
+    with Workers(num_workers, _begin, (blueprint, config, gravity, angle)) as workers:
+        yield from workers.in_order(_play, specs)
 
 
 _mine: tuple[Planner, float, float]  # a worker's planner, gravity and success angle
@@ -159,18 +151,9 @@ _mine: tuple[Planner, float, float]  # a worker's planner, gravity and success a
 
 def _begin(blueprint: Blueprint, config: PlannerConfig, gravity: float, angle: float) -> None:
     global _mine
-    threading.Thread(target=_end_with_parent, daemon=True).start()
     _mine = _planner(blueprint, config), gravity, angle
 
 
 def _play(spec: EpisodeSpec) -> Played:
     planner, gravity, angle = _mine
     return play(planner, spec, gravity, angle)
-
-
-def _end_with_parent() -> None:
-    """A worker whose parent was killed would wait for work for ever."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    connection.wait([parent.sentinel])
-    os._exit(1)

@@ -97,8 +97,13 @@ def schedule(
     goals_per_case: int = GOALS,
     randomization: str = "default",
     steps_per_second: int = STEPS_PER_SECOND,
+    num_workers: int = 1,
+    quiet: bool = False,
 ) -> Schedule:
-    """The episodes of an evaluation; arguments and errors as of ``evaluate``, ``trained`` as of ``evaluation_task``."""
+    """The episodes of an evaluation; arguments and errors as of ``evaluate``, ``trained`` as of ``evaluation_task``.
+
+    Grasps that are not in the cache are found by ``num_workers`` processes.
+    """
     import object_sets
     from tactile_kit.task.goals import EpisodeSpec
     from tactile_kit.task.variants import prepare
@@ -121,7 +126,7 @@ def schedule(
         randomization=randomization,
         steps_per_second=steps_per_second,
     )
-    variants = prepare(task)
+    variants = prepare(task, num_workers, quiet=quiet)
     bodies = _bodies(variants)
     if lent:
         (lent,) = (thing.name for thing in object_sets.select(lent))

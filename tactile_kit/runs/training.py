@@ -71,7 +71,7 @@ def train(
         progress = Progress(config.steps, saved.step if saved else 0, directory.name, quiet)
         for message in messages:
             progress.say(message)
-        env = (make_env or default_env)(config)
+        env = make_env(config) if make_env else default_env(config, quiet)
         if hasattr(env, "simulation"):
             env.simulation.faults = directory / "faults"
         try:
@@ -144,13 +144,18 @@ def _evaluation_due(config: RunConfig, directory: Path, step: int) -> bool:
     return not any(line.get("evaluation") and line["step"] == step for line in read_metrics(directory))
 
 
-def default_env(config: RunConfig) -> Any:
-    """The training environment of the run's kind."""
+def default_env(config: RunConfig, quiet: bool = False) -> Any:
+    """The training environment of the run's kind; a search for grasps is shown unless ``quiet``."""
+    from tactile_kit.task.variants import prepare
+
     seed, task = derive(config.seed, "training"), config.episodes.applied(config.task)
+    variants = prepare(task, config.num_workers, quiet=quiet)
     if config.kind == "oracle":
         from tactile_kit.task.vec_env import ReorientVecEnv
 
-        return ReorientVecEnv(task, num_envs=config.num_envs, num_workers=config.num_workers, seed=seed)
+        return ReorientVecEnv(
+            task, num_envs=config.num_envs, num_workers=config.num_workers, seed=seed, variants=variants
+        )
     from tactile_kit.ecrl import TactileVecEnv
 
     return TactileVecEnv(
@@ -158,6 +163,7 @@ def default_env(config: RunConfig) -> Any:
         num_envs=config.num_envs,
         num_workers=config.num_workers,
         seed=seed,
+        variants=variants,
         estimator=config.estimator,
         ecrl=config.ecrl,
     )
@@ -257,6 +263,7 @@ def _evaluate(run: Run, metrics: MetricsFile, progress: Progress) -> float:
         seed=run.config.seed,
         num_envs=settings.num_envs,
         num_workers=run.config.num_workers,
+        quiet=progress.quiet,
     )
     successes = sum(bool(row.success) for row in rows)
     angles = [row.theta for row in rows if row.theta is not None]

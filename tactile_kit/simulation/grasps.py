@@ -3,26 +3,22 @@
 Every fingertip moves towards the object's centre while the object is held in its place; then it is let go.
 
 The paper (section II-E) spawns a randomly oriented object in the hand and closes the fingers by a heuristic. Grasps are
-found once an object and size and kept in a bank, named by the content of everything that they depend on.
+found once an object and size and kept in a bank (simulation/banks.py).
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 import randomization
 from object_sets import Object
-from object_sets.storage import cache_directory, npz_bytes, write_atomic
-from tactile_kit.hand import inverse, kinematics, urdf
+from tactile_kit.hand import inverse, kinematics
 from tactile_kit.simulation.bodies import Body
-from tactile_kit.simulation.config import SimulationConfig, command_share
+from tactile_kit.simulation.config import command_share
 from tactile_kit.simulation.world import Grasp, PhysicsFault, World
 from tactile_kit.task.rotations import geodesic, random_rotations
 
@@ -38,16 +34,18 @@ HOLDING_STEPS = 10  # under gravity
 MAX_OFFSET = 0.03  # m from the nominal centre
 MAX_DRIFT = 0.005  # m during the last half second
 MAX_TURN = 0.05  # rad during the last half second
+MAX_INSIDE = 1e-3  # m of the open hand in the object
+ATTEMPTS = 60  # tries a grasp before an object counts as one that can't be held
 RECIPE = 7  # counts changes of this file and of the physics that give other grasps
 ALL = np.ones(kinematics.FINGERS, bool)
 
 
-class GraspError(RuntimeError):
-    """No grasp was found."""
+class GraspError(ValueError):
+    """An object can't be held: too few grasps were found."""
 
 
-def _opened(offset: Array | float) -> Array:
-    """Joint angles ``(12,)`` rad with the fingertips away from the object, moved by ``offset``."""
+def opened(offset: Array | float) -> Array:
+    """Joint angles ``(..., 12)`` rad with the fingertips away from the object, moved by ``offset (..., 12)``."""
     home = inverse.tips(kinematics.MEAN_GRASP)
     away = home * (1.0 + OPENING / np.linalg.norm(home, axis=1, keepdims=True))
     angles = inverse.joints_for(away, kinematics.MEAN_GRASP) + offset
@@ -87,10 +85,10 @@ def try_grasp(
     """
     weightless = {**randomization.preset("none").draw("episode", 0), "gravity": 0.0}
     world.load(body, weightless)
-    start = _opened(offset)
+    start = opened(offset)
     world.place(Grasp(kinematics.expand(start), start, np.zeros(3), rotation))
     world.bullet.performCollisionDetection()
-    if any(contact[8] < -1e-3 for contact in world.bullet.getContactPoints(world.object)):
+    if any(contact[8] < -MAX_INSIDE for contact in world.bullet.getContactPoints(world.object)):
         return None  # the open hand is in the object already
     try:
         _close(world, closing)
@@ -102,13 +100,53 @@ def try_grasp(
             world.step(target)
     except PhysicsFault:
         return None
-    near, still = (
-        np.linalg.norm(world.position) < MAX_OFFSET,
-        np.linalg.norm(world.position - before) < MAX_DRIFT,
-    )
-    if not (near and still and geodesic(world.rotation, turned) < MAX_TURN):
+    if not rests(world.position, world.rotation, before, turned):
         return None
     return Grasp(world.joints.copy(), world.command.copy(), world.position.copy(), world.rotation.copy())
+
+
+def rests(position: Array, rotation: Array, before: Array, turned: Array) -> NDArray[np.bool_]:
+    """Whether an object is held, from its pose ``(..., 3)``, ``(..., 3, 3)`` now and half a second before."""
+    near = np.linalg.norm(position, axis=-1) < MAX_OFFSET
+    still = np.linalg.norm(position - before, axis=-1) < MAX_DRIFT
+    return np.asarray(near & still & (geodesic(rotation, turned) < MAX_TURN))
+
+
+@dataclass(frozen=True)
+class Tries:
+    """Ways to close: the object's ``rotation (n, 3, 3)``, ``offset (n, 12)`` rad and the ``closing (n, 4)`` fingers."""
+
+    rotation: Array
+    offset: Array
+    closing: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.rotation)
+
+    def part(self, first: int, last: int) -> Tries:
+        """From number ``first`` to before ``last``."""
+        return Tries(self.rotation[first:last], self.offset[first:last], self.closing[first:last])
+
+
+def draw_tries(thing: Object, count: int, seed: int, attempts: int, spread: float) -> Tries:
+    """All ``attempts * count`` tries for ``count`` grasps of ``thing``, in their order; see :func:`find_grasps`."""
+    generator, number = randomization.stream(seed, "grasps", thing.digest), attempts * count
+    rotation = random_rotations(generator, number)
+    offset, closing = np.zeros((number, kinematics.JOINTS)), np.ones((number, kinematics.FINGERS), bool)
+    if spread:
+        for at in range(number):
+            stray = spread * generator.uniform(-1, 1, (kinematics.FINGERS, 3)) * [1.0, 0.5, 0.5]
+            idle = generator.integers(3 * kinematics.FINGERS)  # no finger from 4 on
+            offset[at], closing[at] = stray.ravel(), np.arange(kinematics.FINGERS) != idle
+    return Tries(rotation, offset, closing)
+
+
+def too_few(thing: Object, found: int, count: int, tries: int) -> GraspError:
+    """What to raise for an object that can't be held."""
+    return GraspError(
+        f"{thing.name} with extents {np.round(thing.extents * 1000, 1)} mm: {found} of {count} grasps held in "
+        f"{tries} tries"
+    )
 
 
 @dataclass(frozen=True)
@@ -149,7 +187,7 @@ class GraspBank:
 
 
 def find_grasps(
-    world: World, thing: Object, count: int, seed: int = 0, attempts: int = 60, spread: float = 0.0
+    world: World, thing: Object, count: int, seed: int = 0, attempts: int = ATTEMPTS, spread: float = 0.0
 ) -> list[Grasp]:
     """``count`` grasps of ``thing``, each from a random orientation; reproducible from ``seed``.
 
@@ -160,66 +198,11 @@ def find_grasps(
         GraspError: fewer than ``count`` grasps in ``attempts * count`` tries.
     """
     body, found = Body(thing), []
-    generator = randomization.stream(seed, "grasps", thing.digest)
-    for rotation in random_rotations(generator, attempts * count):
-        if spread:
-            offset = spread * generator.uniform(-1, 1, (kinematics.FINGERS, 3)) * [1.0, 0.5, 0.5]
-            idle = generator.integers(3 * kinematics.FINGERS)  # no finger from 4 on
-            closing = np.arange(kinematics.FINGERS) != idle
-            grasp = try_grasp(world, body, rotation, offset.ravel(), closing)
-        else:
-            grasp = try_grasp(world, body, rotation)
+    tries = draw_tries(thing, count, seed, attempts, spread)
+    for rotation, offset, closing in zip(tries.rotation, tries.offset, tries.closing, strict=True):
+        grasp = try_grasp(world, body, rotation, offset, closing)
         if grasp is not None:
             found.append(grasp)
         if len(found) == count:
             return found
-    raise GraspError(
-        f"{thing.name} with extents {np.round(thing.extents * 1000, 1)} mm: {len(found)} of {count} grasps held in "
-        f"{attempts * count} tries"
-    )
-
-
-def _bank_file(thing: Object, count: int, seed: int, config: SimulationConfig, spread: float) -> Path:
-    physics = config.model_dump(
-        exclude={"engine", "support", "drag"}
-    )  # grasps are found in Bullet, without support
-    settings = json.dumps(
-        [RECIPE, thing.digest, count, seed, spread, physics, urdf.hand_urdf()], sort_keys=True
-    )
-    return cache_directory() / "grasps" / f"{hashlib.sha256(settings.encode()).hexdigest()[:24]}.npz"
-
-
-def _save(path: Path, grasps: Sequence[Grasp]) -> None:
-    write_atomic(
-        path, npz_bytes({n: np.stack([getattr(g, n) for g in grasps]) for n in Grasp.__annotations__})
-    )
-
-
-def grasps_of(
-    things: Sequence[Object],
-    count: int,
-    config: SimulationConfig,
-    seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
-    spread: float = 0.0,
-) -> GraspBank:
-    """The bank of ``count`` grasps for each of ``things``, read from the cache where it is there.
-
-    Grasps are looked for at the coarsest step: they are starting states, and every episode lets them settle.
-    """
-    world, rows = None, []
-    for index, thing in enumerate(things):
-        path = _bank_file(thing, count, seed, config, spread)
-        if not path.exists():
-            world = world or World(config)
-            _save(path, find_grasps(world, thing, count, seed, spread=spread))
-        with np.load(path, allow_pickle=False) as data:
-            rows.append({name: data[name] for name in Grasp.__annotations__})
-        if progress:
-            progress(index + 1, len(things))
-    if world is not None:
-        world.close()
-    start = np.cumsum([0] + [len(row["joints"]) for row in rows])
-    return GraspBank(
-        **{name: np.concatenate([row[name] for row in rows]) for name in Grasp.__annotations__}, start=start
-    )
+    raise too_few(thing, len(found), count, len(tries))

@@ -11,7 +11,6 @@ import multiprocessing
 import os
 import shutil
 import signal
-import sys
 import tempfile
 import time
 import warnings
@@ -20,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from tactile_kit.processes import light_main
 from tactile_kit.simulation.dump import Dump, write
 from tactile_kit.simulation.simulator import Simulator
 from tactile_kit.simulation.worker import FIELDS, Blueprint, Group, views_of, work
@@ -69,7 +69,7 @@ class VectorSimulation:
                 stack = str(self._stacks / str(len(self._pipes)))
                 arguments = (theirs, blueprint, memory, environments, range(first, last), stack)
                 process = context.Process(target=work, args=arguments, daemon=True)
-                with _light_main():
+                with light_main():
                     process.start()
                 theirs.close()
                 self._pipes.append(ours)
@@ -183,19 +183,3 @@ class VectorSimulation:
             pipe.close()
         self._pipes, self._processes = [], []
         shutil.rmtree(self._stacks, ignore_errors=True)
-
-
-class _light_main:
-    """Keeps spawned workers from importing the parent's main module, which may import torch."""
-
-    def __enter__(self) -> None:
-        self._main = sys.modules["__main__"]
-        self._kept = {
-            name: self._main.__dict__.pop(name) for name in ("__file__",) if hasattr(self._main, name)
-        }
-        self._spec = getattr(self._main, "__spec__", None)
-        self._main.__spec__ = None
-
-    def __exit__(self, *_: object) -> None:
-        self._main.__spec__ = self._spec
-        self._main.__dict__.update(self._kept)

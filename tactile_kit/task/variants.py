@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +12,9 @@ from numpy.typing import NDArray
 import object_sets
 import randomization
 from object_sets import Object
+from tactile_kit.simulation.banks import BulletFinder, Finder, Report, find_banks
 from tactile_kit.simulation.config import MEASUREMENT_RATE
-from tactile_kit.simulation.grasps import GraspBank, GraspError, grasps_of
+from tactile_kit.simulation.grasps import GraspBank
 from tactile_kit.task.config import TaskConfig
 
 REDRAWS = 20  # sizes tried before one is given up: some shapes can't be held at the far ends of the range
@@ -50,47 +53,70 @@ class Variants:
         return int(self.object_index[variant])
 
 
-def _bank(thing: Object, config: TaskConfig) -> GraspBank:
+@dataclass(frozen=True)
+class RandomSizes(Sequence[Object]):
+    """Size ``number`` of an object under random scaling: what is tried for it, each from the next stream of its name.
+
+    Some shapes can't be held at the far ends of the range, so there is more than one.
+    """
+
+    thing: Object
+    extent_range: tuple[float, float]
+    seed: int
+    number: int
+
+    def __len__(self) -> int:
+        return REDRAWS
+
+    def __getitem__(self, attempt: Any) -> Any:
+        if not -REDRAWS <= attempt < REDRAWS:
+            raise IndexError(attempt)
+        name, attempt = self.thing.name, attempt % REDRAWS
+        generator = randomization.stream(self.seed, "variants", name, self.number, attempt)
+        return self.thing.with_extents(generator.uniform(*self.extent_range, size=3))
+
+
+def finder_of(config: TaskConfig) -> Finder:
+    """What finds the grasps of a task: the physics that it is played in.
+
+    Grasps are looked for at the coarsest step: they are starting states, and every episode lets them settle.
+    """
     coarse = config.simulation.plain(MEASUREMENT_RATE)
-    return grasps_of([thing], config.grasps, coarse, spread=config.grasp_spread)
+    if config.simulation.engine == "compiled":
+        from tactile_kit.simulation.compiled.grasping import CompiledFinder
+
+        return CompiledFinder(config.grasps, coarse, spread=config.grasp_spread)
+    return BulletFinder(config.grasps, coarse, spread=config.grasp_spread)
 
 
-def _random_size(thing: Object, config: TaskConfig, number: int, attempt: int) -> Object:
-    generator = randomization.stream(config.variant_seed, "variants", thing.name, number, attempt)
-    return thing.with_extents(generator.uniform(*config.extent_range, size=3))
-
-
-def prepare(config: TaskConfig) -> Variants:
+def prepare(
+    config: TaskConfig, num_workers: int = 1, progress: Report | None = None, quiet: bool = False
+) -> Variants:
     """Objects, sizes and grasps of a task; grasps come from the cache where they were found before.
 
     A size at which no grasp holds is drawn anew, from the next stream of its name.
 
+    Args:
+        config: the task.
+        num_workers: processes that look for grasps; below 2 this one does. What they find does not depend on it.
+        progress: called with (objects and sizes whose grasps are there, of how many). Without it, a search that takes
+            more than a few seconds is shown on stderr.
+        quiet: show nothing there.
+
     Raises:
         object_sets.UnknownObjectError: ``config.objects`` names something that is not there.
         GraspError: an object can't be held.
+        CacheError: grasps have to be found, and the cache can't be written to.
     """
     nominal = tuple(object_sets.select(config.objects))
-    banks = [_bank(thing, config) for thing in nominal]
-    things, index = list(nominal), list(range(len(nominal)))
-    playable = [config.scaling == "nominal"] * len(nominal)
+    choices: list[Sequence[Object]] = [(thing,) for thing in nominal]
+    index, playable = list(range(len(nominal))), [config.scaling == "nominal"] * len(nominal)
     if config.scaling == "random":
         for number in range(config.variants):
-            for which, thing in enumerate(nominal):
-                found, bank = _held_size(thing, config, number)
-                things.append(found)
-                banks.append(bank)
-                index.append(which)
-                playable.append(True)
-    return Variants(tuple(things), np.array(index), np.array(playable), GraspBank.joined(banks))
-
-
-def _held_size(thing: Object, config: TaskConfig, number: int) -> tuple[Object, GraspBank]:
-    for attempt in range(REDRAWS):
-        size = _random_size(thing, config, number, attempt)
-        try:
-            return size, _bank(size, config)
-        except GraspError as error:
-            last = error
-    raise GraspError(
-        f"{thing.name}: none of {REDRAWS} sizes in {config.extent_range} m can be held"
-    ) from last
+            choices += [
+                RandomSizes(thing, config.extent_range, config.variant_seed, number) for thing in nominal
+            ]
+            index += range(len(nominal))
+            playable += [True] * len(nominal)
+    things, bank = find_banks(finder_of(config), choices, num_workers, progress, quiet)
+    return Variants(tuple(things), np.array(index), np.array(playable), bank)

@@ -26,7 +26,7 @@ from tactile_kit.task.goals import EpisodeSpec, draw_goal, training_episodes
 from tactile_kit.task.observation import Belief
 from tactile_kit.task.reward import reward_terms
 from tactile_kit.task.rotations import geodesic
-from tactile_kit.task.variants import Variants
+from tactile_kit.task.variants import Variants, prepare
 
 if TYPE_CHECKING:
     from tactile_kit.simulation.compiled import CompiledSimulation
@@ -101,7 +101,7 @@ class ReorientVecEnv(VecEnv):
     Args:
         config: the task.
         num_envs: environments.
-        num_workers: worker processes; 0 simulates in this process.
+        num_workers: worker processes, of a search for grasps too; 0 simulates in this process.
         seed: names the training episodes.
         episodes: play exactly these, each once (evaluation); finished environments take the next of the list, and
             ``results`` fills up in its order. Without it, training episodes never end.
@@ -121,7 +121,11 @@ class ReorientVecEnv(VecEnv):
         episodes: Iterable[EpisodeSpec] | None = None,
         variants: Variants | None = None,
     ) -> None:
-        core = Core(config, sigma=self.sigma and config.sigma_in_observation, variants=variants)
+        core = Core(
+            config,
+            sigma=self.sigma and config.sigma_in_observation,
+            variants=variants or prepare(config, num_workers),
+        )
         self.core, self.config, self.seed_value = core, config, seed
         self.layout, self.variants, self.meshes, self.encoding = (
             core.layout,

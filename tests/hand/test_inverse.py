@@ -36,3 +36,16 @@ def test_out_of_reach_a_finger_stretches_as_far_as_it_goes() -> None:
     before = np.linalg.norm(kinematics.tip_centres(kinematics.MEAN_GRASP) - away, axis=1)
     after = np.linalg.norm(kinematics.tip_centres(found) - away, axis=1)
     assert (after < before).all()
+
+
+def test_many_hands_are_the_single_ones() -> None:
+    generator = np.random.default_rng(0)
+    joints = generator.uniform(LOWER, UPPER, (200, 12))
+    tips = inverse.tips_of_many(joints)
+    np.testing.assert_allclose(tips, np.stack([inverse.tips(one) for one in joints]), atol=1e-12)
+    wanted = tips + generator.normal(
+        0.0, 0.02, tips.shape
+    )  # also out of reach, and against the joints' limits
+    alone = np.stack([inverse.joints_for(aim, near) for aim, near in zip(wanted, joints, strict=True)])
+    np.testing.assert_allclose(inverse.joints_for_many(wanted, joints), alone, atol=1e-7)
+    assert ((alone == LOWER) | (alone == UPPER)).any()

@@ -12,7 +12,10 @@ from reproduce.inventory import ABLATED, BENCHMARK, CURVES, NEEDS, PLANNER, TRAN
 from reproduce.plan import ARTEFACTS, default_out, make_plan
 from reproduce.prepare import prepare, weight
 from reproduce.scales import load_scale, parse_scale, split_variant
-from reproduce.settings import run_settings
+from reproduce.settings import run_settings, training_grasps
+from tactile_kit.runs import RunConfig
+from tactile_kit.task.config import TaskConfig
+from tactile_kit.task.variants import finder_of
 
 SCALES = ("smoke", "small", "paper")
 
@@ -190,3 +193,15 @@ def test_a_wrong_run_setting_names_scale_and_preset(tmp_path):
     plan = make_plan(scale, "scratch", tmp_path)
     with pytest.raises(ScaleError, match=r"scale smoke, preset oracle.*step"):
         run_settings(plan, plan.runs[0])
+
+
+@pytest.mark.parametrize("engine", ["bullet", "compiled"])
+def test_the_grasps_of_a_training_are_those_of_its_physics(engine):
+    episodes = {"engine": engine, "grasps": 5, "grasp_spread": 0.1, "drag": 20.0}
+    run = RunConfig.build({"objects": "cube", "episodes": episodes})
+    name, settings = training_grasps(run.to_dict())
+    played = run.episodes.applied(run.task)
+    assert finder_of(TaskConfig(**settings)) == finder_of(played)
+    assert settings["simulation"]["engine"] == engine and name.startswith("cube-nominal-")
+    thinner = RunConfig.build({"objects": "cube", "episodes": {**episodes, "drag": 10.0}})
+    assert training_grasps(thinner.to_dict()) == (name, settings)  # shared

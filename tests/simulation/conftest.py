@@ -14,9 +14,10 @@ import object_sets
 import randomization
 from object_sets import Object
 from tactile_kit.hand import kinematics
+from tactile_kit.simulation.banks import grasps_of
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import SimulationConfig
-from tactile_kit.simulation.grasps import GraspBank, grasps_of
+from tactile_kit.simulation.grasps import GraspBank
 from tactile_kit.simulation.world import Grasp, World
 
 sys.path.insert(0, str(Path(__file__).parent))  # this folder's helper modules

@@ -1,4 +1,4 @@
-"""Grasps: found, held, kept by content, refused with an error that says what was tried."""
+"""Grasps: found, held, refused with an error that says what was tried."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import pytest
 from tactile_kit.hand import kinematics
 from tactile_kit.simulation import grasps
 from tactile_kit.simulation.bodies import Body
-from tactile_kit.simulation.config import SimulationConfig
-from tactile_kit.simulation.grasps import GraspBank, GraspError, find_grasps, grasps_of
+from tactile_kit.simulation.grasps import GraspBank, GraspError, find_grasps
 from tactile_kit.task.rotations import geodesic
 
 
@@ -35,50 +34,6 @@ def test_grasps_are_within_limits_and_differ(bank) -> None:
     assert geodesic(bank.rotation[0], bank.rotation[1]) > 0.05
     with pytest.raises(IndexError, match="0 to 1"):
         bank.grasp(1, 2)
-
-
-def test_a_second_call_reads_what_the_first_found(things, bank, monkeypatch) -> None:
-    def no_search(*_: object) -> None:
-        raise AssertionError("searched again")
-
-    monkeypatch.setattr(grasps, "find_grasps", no_search)
-    steps = []
-    again = grasps_of(
-        [things["l_shape"], things["cube"]], 2, SimulationConfig(), progress=lambda *at: steps.append(at)
-    )
-    assert steps == [(1, 2), (2, 2)]
-    for name in ("joints", "command", "position", "rotation"):
-        np.testing.assert_array_equal(getattr(again, name)[:2], getattr(bank, name)[2:])
-        np.testing.assert_array_equal(getattr(again, name)[2:], getattr(bank, name)[:2])
-
-
-@pytest.mark.parametrize("changed", ["size", "count", "seed", "physics", "hand"])
-def test_another_content_is_another_search(things, bank, monkeypatch, tmp_path, changed: str) -> None:
-    monkeypatch.setenv("TACTILE_KIT_CACHE", str(tmp_path))  # what this search finds is not true
-    searches = []
-
-    def search(world, thing, count, seed=0, spread=0.0):
-        searches.append((thing.digest, count, seed, spread))
-        return [bank.grasp(0, 0)] * count
-
-    monkeypatch.setattr(grasps, "find_grasps", search)
-    grasps._save(grasps._bank_file(things["cube"], 2, 0, SimulationConfig(), 0.0), [bank.grasp(0, 0)] * 2)
-    thing, count, seed, config = things["cube"], 2, 0, SimulationConfig()
-    if changed == "size":
-        thing = thing.with_extents([0.0675, 0.0675, 0.0674])
-        assert thing.digest != things["cube"].digest
-    elif changed == "count":
-        count = 1
-    elif changed == "seed":
-        seed = 1
-    elif changed == "physics":
-        config = SimulationConfig(solver_iterations=101)
-    else:
-        monkeypatch.setattr(grasps.urdf, "ARMATURE", 2e-3)
-    grasps_of([thing], count, config, seed)
-    assert searches == [(thing.digest, count, seed, 0.0)]
-    grasps_of([thing], count, config, seed)
-    assert len(searches) == 1
 
 
 def test_the_search_repeats_itself(things, bank, make_world) -> None:

@@ -148,7 +148,7 @@ import numpy as np
 import object_sets, randomization
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import SimulationConfig
-from tactile_kit.simulation.grasps import grasps_of
+from tactile_kit.simulation.banks import grasps_of
 from tactile_kit.simulation.vector import Blueprint, VectorSimulation
 thing = object_sets.load("all")["cube"]
 bank = grasps_of([thing], 2, SimulationConfig())

@@ -23,7 +23,7 @@ import numpy as np
 import object_sets, randomization
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import SimulationConfig
-from tactile_kit.simulation.grasps import grasps_of
+from tactile_kit.simulation.banks import grasps_of
 from tactile_kit.simulation.simulator import Simulator
 things = [object_sets.load("all")[name] for name in ("cube", "l_shape")]
 bank = grasps_of(things, 2, SimulationConfig())
