@@ -18,13 +18,13 @@ from tactile_kit.hand import inverse, kinematics
 from tactile_kit.shape import MeshTable
 from tactile_kit.simulation import grasps as recipe
 from tactile_kit.simulation.bodies import Body
-from tactile_kit.simulation.compiled.hands import Batch
+from tactile_kit.simulation.compiled.batch import Batch
 from tactile_kit.simulation.config import SimulationConfig, command_share
 from tactile_kit.simulation.grasps import Grasp, Tries, draw_tries
 from tactile_kit.simulation.world import MAX_JOINT_SPEED
 
 Array = NDArray[Any]
-PHYSICS = 1  # counts changes of this file and of the compiled physics that give other grasps
+PHYSICS = 2  # counts changes of this file and of the compiled physics that give other grasps
 TOGETHER = 16  # tries at once, a multiple of it
 # Of the friction, under gravity. These contacts hold tries that slip in Bullet: what holds with less, Bullet holds too.
 MARGIN = 0.8
@@ -89,6 +89,7 @@ def try_grasps(
         batch.step()
         good &= _sound(batch)
     position, rotation = batch.pose(every)
+    batch.close()
     held = good & recipe.rests(position, rotation, before, turned)
     joints, command = _hands(batch.now.q), _hands(batch.now.filtered)
     return [
