@@ -82,7 +82,7 @@ def import_mesh(file: str | Path, config: ImportConfig) -> ImportedMesh:
     path = Path(file)
     repairs: list[str] = []
     triangles = parse(path)
-    solid = sound_solid(path, triangles.vertices, triangles.faces, config.max_faces, repairs)
+    solid = sound_solid(path, triangles, config.max_faces, repairs)
     solid = aligned(solid, config.alignment)
     low, high = np.array(solid.bounding_box()).reshape(2, 3)
     factor = _scale(path, float((high - low).max()), config.extent, repairs)
