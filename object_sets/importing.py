@@ -75,9 +75,9 @@ def import_mesh(file: str | Path, config: ImportConfig) -> ImportedMesh:
 
     For files of unknown origin there is ``reading.read_mesh``; arguments and errors are the same.
     """
-    from object_sets.csg import to_mesh
     from object_sets.posing import aligned
     from object_sets.repair import check_sound, sound_solid
+    from object_sets.soundness import sound_mesh
 
     path = Path(file)
     repairs: list[str] = []
@@ -86,7 +86,9 @@ def import_mesh(file: str | Path, config: ImportConfig) -> ImportedMesh:
     solid = aligned(solid, config.alignment)
     low, high = np.array(solid.bounding_box()).reshape(2, 3)
     factor = _scale(path, float((high - low).max()), config.extent, repairs)
-    vertices, faces = to_mesh(solid.scale((factor, factor, factor)), config.center)
+    vertices, faces, moved = sound_mesh(solid.scale((factor, factor, factor)), config.center, str(path))
+    if moved:
+        repairs.append(f"removed slivers, the surface moving by less than {1e6 * moved:g} micrometres")
     check_sound(path, vertices, faces)
     return ImportedMesh(vertices, faces, triangles.sha256, tuple(repairs))
 

@@ -15,6 +15,7 @@ from object_sets.manifest import Decomposition, Entry, Errors, Part
 from object_sets.mass import mass_properties
 from object_sets.objects import Object
 from object_sets.quality import part_errors
+from object_sets.soundness import surface
 from object_sets.storage import npz_bytes, sha256
 
 MAX_DIFFERENCE = 1.0  # of the volume: parts that miss or add as much as the solid itself are refused
@@ -52,11 +53,12 @@ def prepare(candidate: Candidate, config: DecompositionConfig) -> Prepared:
 
     Raises:
         DecompositionError: CoACD gave no parts.
-        MeshError: the parts are too far from the mesh to stand for it.
+        MeshError: the surface isn't sound, or the parts are too far from the mesh to stand for it.
     """
     from scipy.spatial import ConvexHull
 
     vertices, faces = candidate.vertices, candidate.faces
+    surface(vertices, faces, candidate.name)
     volume = mass_properties(vertices, faces).volume
     convex = is_convex(vertices, volume)
     parts = decompose(vertices, faces, convex, config, candidate.name)

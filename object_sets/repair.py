@@ -100,16 +100,3 @@ def check_sound(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
     wrong = np.abs(numbers - np.clip(np.round(numbers), 0, 1)) > 0.01
     if wrong.any():
         raise MeshError(path, "cuts through itself", "unite its pieces in a modelling program")
-
-
-def check_closed(file: object, vertices: np.ndarray, faces: np.ndarray) -> None:
-    """Raise ``MeshError`` unless every edge has one face on each side and the faces point outward."""
-    from object_sets.mass import mass_properties
-
-    edges = np.vstack([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
-    ahead = edges[:, 0] * len(vertices) + edges[:, 1]
-    back = edges[:, 1] * len(vertices) + edges[:, 0]
-    if len(np.unique(ahead)) < len(ahead) or not np.array_equal(np.sort(ahead), np.sort(back)):
-        raise MeshError(file, "is not a closed surface", "build the set again")
-    if mass_properties(vertices, faces).volume <= 0:
-        raise MeshError(file, "is inside-out", "build the set again")
