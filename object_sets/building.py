@@ -13,7 +13,7 @@ import numpy as np
 from object_sets.assembling import Progress, Task, assemble, finished
 from object_sets.decomposition import DecompositionConfig
 from object_sets.errors import ObjectSetError, ScaleError, UnknownObjectError, nearest
-from object_sets.importing import MAX_FACES, Alignment, Center, ImportConfig, mesh_files
+from object_sets.importing import MAX_FACES, Alignment, Center, ImportConfig, Unit, check_extent, mesh_files
 from object_sets.limits import Limits
 from object_sets.preparation import Candidate, Prepared, prepare
 from object_sets.reading import Readers
@@ -33,6 +33,8 @@ def build(
     center: Center = "bounding-box",
     alignment: Alignment = "none",
     max_faces: int = MAX_FACES,
+    units: Unit = "m",
+    remesh: bool = False,
     seed: int = 0,
     coacd_threshold: float | None = None,
     max_parts: int | None = None,
@@ -58,7 +60,7 @@ def build(
         extent: (lowest, highest) side of a bounding box, m. Without ``scales``, a mesh whose largest extent is outside
             is scaled, all axes alike, to the nearer bound. With ``scales``, each axis's extent is drawn uniformly.
         scales: number of prepared sizes an object; needs ``extent``.
-        center, alignment, max_faces: of meshes, see ``importing.ImportConfig``.
+        center, alignment, max_faces, units, remesh: of meshes, see ``importing.ImportConfig``.
         seed: of the sizes and of CoACD.
         coacd_threshold, max_parts, hull_vertices: settings of the convex parts (``DecompositionConfig``); by default
             those of each authored shape, or the general ones.
@@ -75,9 +77,11 @@ def build(
     check_arguments(extent, scales, mass, density, jobs)
     if (meshes is None) == (set_name is None):
         raise ObjectSetError(f"meshes = {meshes!r}, set_name = {set_name!r}: exactly one of them is needed")
-    posing = ImportConfig(extent, max_faces, center, alignment)
+    posing = ImportConfig(extent, max_faces, center, alignment, units, remesh)
     if set_name is not None and posing != ImportConfig(extent):
-        raise ObjectSetError("center, alignment and max_faces are for meshes; authored shapes have their own")
+        raise ObjectSetError(
+            "center, alignment, max_faces, units and remesh are for meshes; authored shapes have their own"
+        )
     given = {"threshold": coacd_threshold, "max_parts": max_parts, "hull_vertices": hull_vertices}
     settings: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
     settings.update(seed=seed, timeout=timeout, memory=memory)
@@ -170,8 +174,7 @@ def check_arguments(
     jobs: int,
 ) -> None:
     """Raise ``ObjectSetError`` for what no set can be made with."""
-    if extent is not None and not 0 < extent[0] <= extent[1] < np.inf:
-        raise ScaleError(f"extent = {extent!r}: two lengths in m with 0 < lowest <= highest are needed")
+    check_extent(extent)
     if scales < 0 or (scales and extent is None):
         raise ScaleError(
             f"scales = {scales!r} with extent = {extent!r}: a number >= 0, and an extent when > 0"

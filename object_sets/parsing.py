@@ -15,6 +15,7 @@ import numpy as np
 
 from object_sets.archives import check_archive
 from object_sets.errors import MeshError
+from object_sets.nature import check_nature, without_trailer
 from object_sets.ply import read_ply
 from object_sets.polygons import read_obj, read_off
 from object_sets.storage import sha256
@@ -49,6 +50,10 @@ def parse(path: Path) -> Triangles:
     """
     if path.suffix.lower() not in FORMATS:
         raise MeshError(path, f"unknown ending {path.suffix!r}", f"convert it to one of {', '.join(FORMATS)}")
+    if path.is_symlink() and not path.exists():
+        raise MeshError(
+            path, f"is a link to {str(path.readlink())!r}, which is missing", "restore what it points to"
+        )
     try:
         if path.exists() and not path.is_file():  # a pipe or a device would never end
             raise MeshError(path, "is no regular file", "give a mesh file")
@@ -58,6 +63,7 @@ def parse(path: Path) -> Triangles:
             path, f"can't be read ({error.strerror})", "check the path and its permissions"
         ) from error
     kind = path.suffix.lower()[1:]
+    check_nature(path, data, kind)
     bodies = check_archive(path, data) if kind == "3mf" else None
     vertices, faces, groups = _loaded(path, data, kind, bodies)
     if len(faces) == 0 or faces.ndim != 2:
@@ -100,6 +106,7 @@ def _by_trimesh(
     options: dict[str, Any] = {"process": False}
     if kind in ("glb", "gltf"):
         options["skip_materials"] = True
+    data = without_trailer(data) if kind == "stl" else data
     scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=_beside(path), **options)
     factor = UNITS.get(str(scene.units), 1.0) if kind == "3mf" else 1.0
     found = len(scene.graph.nodes_geometry)

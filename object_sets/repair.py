@@ -31,7 +31,35 @@ def sound_solid(path: Path, triangles: Triangles, max_faces: int, repairs: list[
     from object_sets.topology import closed_bodies
 
     bodies = closed_bodies(path, triangles.vertices, triangles.faces, triangles.groups, repairs)
-    solid = solid_of(path, bodies, repairs)
+    return _checked(path, solid_of(path, bodies, repairs), max_faces, repairs)
+
+
+def remeshed_solid(
+    path: Path, triangles: Triangles, max_faces: int, reason: str, repairs: list[str]
+) -> Manifold:
+    """One solid around a file's triangles, whatever their state; ``reason`` is why they are no solid themselves.
+
+    Raises:
+        MeshError: as ``sound_solid``, of the new surface.
+    """
+    from object_sets.remeshing import CELLS, remeshed
+
+    for cells in CELLS:
+        said: list[str] = []
+        solid = remeshed(path, triangles.vertices, triangles.faces, cells, reason, said)
+        try:
+            checked = _checked(path, solid, max_faces, said)
+        except MeshError:
+            if cells == CELLS[-1]:
+                raise
+        else:
+            repairs += said
+            return checked
+    raise AssertionError("no grid")
+
+
+def _checked(path: Path, solid: Manifold, max_faces: int, repairs: list[str]) -> Manifold:
+    """In one piece, thick enough, with few enough faces."""
     _connected(path, solid, repairs)
     size = _size(solid)
     if 2.0 * solid.volume() < FLATNESS * solid.surface_area() * size:
@@ -73,7 +101,7 @@ def _simplified(path: Path, solid: Manifold, size: float, max_faces: int, repair
     count = solid.num_tri()
     if count <= max_faces:
         return solid
-    for share in (0.001, 0.002, 0.005, SIMPLIFICATION):
+    for share in (0.001, 0.002, 0.0035, 0.005, 0.007, SIMPLIFICATION):
         simple = solid.simplify(share * size)
         if abs(simple.volume() - solid.volume()) > SHRINKAGE * solid.volume():
             raise MeshError(
@@ -99,4 +127,6 @@ def check_sound(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
     numbers = winding_numbers(points + spread, vertices, faces)
     wrong = np.abs(numbers - np.clip(np.round(numbers), 0, 1)) > 0.01
     if wrong.any():
-        raise MeshError(path, "cuts through itself", "unite its pieces in a modelling program")
+        raise MeshError(
+            path, "cuts through itself", "unite its pieces in a modelling program, or have it remeshed"
+        )

@@ -91,7 +91,11 @@ def without_holes(
     trimesh.repair.fill_holes(mesh)
     filled = np.array(mesh.faces, np.int64)
     if len(border(filled)) or mesh.area > (1.0 + HOLE_AREA) * area:
-        raise MeshError(path, f"is open: {missing} edges border a hole", "close it in a modelling program")
+        raise MeshError(
+            path,
+            f"is open: {missing} edges border a hole",
+            "close it in a modelling program, or have it remeshed",
+        )
     repairs.append(f"closed holes with {missing} border edges by {len(filled) - count} faces")
     trimesh.repair.fix_winding(mesh)
     return np.array(mesh.vertices), np.array(mesh.faces, np.int64)

@@ -38,8 +38,6 @@ def closed_bodies(
     used, faces = np.unique(faces, return_inverse=True)
     vertices, faces = vertices[used], faces.reshape(-1, 3)
     size = float(np.ptp(vertices, axis=0).max())
-    if size == 0:
-        raise MeshError(path, "all its vertices are one point", "export it again")
     places, place = np.unique(vertices, axis=0, return_inverse=True)
     place = place.reshape(-1)
     bodies, left = [], np.arange(len(faces))
@@ -154,7 +152,9 @@ def _parted(path: Path, vertices: np.ndarray, faces: np.ndarray) -> tuple[np.nda
     _check_branches(path, int((unbalanced & (uses > 2)).sum()))
     if unbalanced.any():
         raise MeshError(
-            path, "its faces have no common outside (a one-sided surface)", "model a closed solid"
+            path,
+            "its faces have no common outside (a one-sided surface)",
+            "model a closed solid, or have it remeshed",
         )
     order = np.argsort(edge, kind="stable")
     firsts = np.concatenate([[0], np.cumsum(uses)[:-1]])
@@ -179,7 +179,7 @@ def _check_branches(path: Path, count: int) -> None:
     if count:
         raise MeshError(
             path, f"{count} edges belong to more than two faces, which bound no bodies",
-            "remove inner walls and loose faces, and separate bodies that touch along an edge",
+            "remove inner walls and loose faces, and separate bodies that touch along an edge, or have it remeshed",
         )  # fmt: skip
 
 

@@ -29,7 +29,7 @@ class Build:
     out: Path = Path("object-set")
     """Directory to write."""
     extent: str | None = None
-    """Range of extents in metres, LOW:HIGH, for example 0.045:0.09. Without it lengths are metres."""
+    """Range of extents in metres, LOW:HIGH, for example 0.045:0.09. Without it sizes stay."""
     scales: int = 0
     """Prepared sizes an object, each axis drawn uniformly from --extent."""
     center: Literal["bounding-box", "mass", "origin"] = "bounding-box"
@@ -38,6 +38,10 @@ class Build:
     """How a mesh is turned: not; its y becomes z; principal axes, or the smallest box, onto x, y, z, longest first."""
     max_faces: int = 4000
     """Denser meshes are simplified, the surface moving by at most 1 % of the size."""
+    units: Literal["m", "cm", "mm", "inch"] = "m"
+    """Lengths of the files. 3MF files have a unit of their own."""
+    remesh: bool = False
+    """Make a new surface around meshes that are open, branched or cut through themselves; how far it moves is said."""
     seed: int = 0
     """Of the sizes and of CoACD."""
     coacd_threshold: float | None = None
@@ -72,6 +76,8 @@ class Build:
                 center=self.center,
                 alignment=self.align,
                 max_faces=self.max_faces,
+                units=self.units,
+                remesh=self.remesh,
                 seed=self.seed,
                 coacd_threshold=self.coacd_threshold,
                 max_parts=self.max_parts,

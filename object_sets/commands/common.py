@@ -10,6 +10,7 @@ from pathlib import Path
 def parse_extent(text: str | None) -> tuple[float, float] | None:
     """(lowest, highest) m of LOW:HIGH or one number; None stays None. Raises ``ScaleError``."""
     from object_sets.errors import ScaleError
+    from object_sets.importing import check_extent
 
     if text is None:
         return None
@@ -20,6 +21,7 @@ def parse_extent(text: str | None) -> tuple[float, float] | None:
         values = (0.0, 0.0)
     if not 0 < values[0] <= values[1] < float("inf"):
         raise ScaleError(f"--extent {text!r}: LOW:HIGH in metres with 0 < LOW <= HIGH is needed")
+    check_extent(values, "--extent")
     return values
 
 

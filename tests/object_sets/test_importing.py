@@ -265,7 +265,7 @@ def _crowd():
     return trimesh.util.concatenate(
         [trimesh.creation.box((0.001, 0.001, 0.001)).apply_translation((0.002 * i, 0, 0)) for i in range(200)]
         + [cube().apply_translation((0, 0.1 * i, 0)) for i in range(1, 302)]
-    )
+    ).apply_scale(0.01)
 
 
 def _branched():
