@@ -48,8 +48,12 @@ class Prepared(NamedTuple):
     data: bytes
 
 
-def prepare(candidate: Candidate, config: DecompositionConfig) -> Prepared:
+def prepare(
+    candidate: Candidate, config: DecompositionConfig, max_difference: float = MAX_DIFFERENCE
+) -> Prepared:
     """Convex parts, errors, manifest entry and npz file of one object.
+
+    ``max_difference`` is how much volume the parts may miss or add together, relative to the solid's.
 
     Raises:
         DecompositionError: CoACD gave no parts.
@@ -73,10 +77,11 @@ def prepare(candidate: Candidate, config: DecompositionConfig) -> Prepared:
             f"its {len(parts)} convex parts are up to {1000 * errors.hausdorff:.1f} mm off the surface",
             f"lower the CoACD threshold ({config.threshold}) or allow more parts",
         )
-    if errors.symmetric_difference > MAX_DIFFERENCE:
+    if errors.symmetric_difference > max_difference:
         raise MeshError(
             candidate.name,
-            f"its {len(parts)} convex parts differ from it by {100 * errors.symmetric_difference:.0f} % of its volume",
+            f"its {len(parts)} convex parts differ from it by {100 * errors.symmetric_difference:.0f} % of its volume; "
+            f"allowed are {100 * max_difference:g}",
             f"lower the CoACD threshold ({config.threshold}) or allow more parts",
         )
     arrays = {"vertices": item.vertices, "faces": item.faces}

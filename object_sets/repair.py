@@ -110,12 +110,30 @@ def _simplified(path: Path, solid: Manifold, size: float, max_faces: int, repair
                 f"simplify it to at most {max_faces}",
             )
         if simple.num_tri() <= max_faces:
+            within = f"within {100 * share:g} % of its size"
             repairs.append(
-                f"simplified {count} faces to {simple.num_tri()} (within {100 * share:g} % of its size)"
+                f"simplified {count} faces to {simple.num_tri()} ({within}; {_lost(solid, simple)})"
             )
             return simple
     left = f"{simple.num_tri()} when simplified within {100 * SIMPLIFICATION:g} % of its size"
     raise MeshError(path, f"has {count} faces, and {left}", f"simplify it to at most {max_faces}")
+
+
+def _lost(before: Manifold, after: Manifold) -> str:
+    """What simplifying changed, for people: volume, which is mass at a density, and moments of inertia at a mass."""
+    from object_sets.mass import mass_properties
+
+    meshes = [solid.to_mesh64() for solid in (before, after)]
+    old, new = (
+        mass_properties(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64))
+        for mesh in meshes
+    )
+    moments = np.linalg.eigvalsh(new.inertia) / np.linalg.eigvalsh(old.inertia) - 1.0
+    furthest = moments[np.abs(moments).argmax()]
+    return (
+        f"volume, and mass at a density, by {100 * (new.volume / old.volume - 1.0):+.2g} %, "
+        f"inertia at a mass by up to {100 * furthest:+.2g} %"
+    )
 
 
 def check_sound(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:

@@ -48,6 +48,8 @@ class Build:
     """Concavity bound of the convex parts, 0.01 to 1; lower means more parts. Default: 0.1."""
     max_parts: int | None = None
     """Bound on the number of convex parts. Default: set for each authored shape, else none."""
+    max_part_error: float = 1.0
+    """Refuse objects whose convex parts miss and add more than this share of the volume; from 0.2 on they are named."""
     timeout: float = 300.0
     """Seconds one mesh may take: reading, repair and convex parts together."""
     memory: float = 4.0
@@ -81,6 +83,7 @@ class Build:
                 seed=self.seed,
                 coacd_threshold=self.coacd_threshold,
                 max_parts=self.max_parts,
+                max_part_error=self.max_part_error,
                 timeout=self.timeout,
                 memory=self.memory,
                 mass=self.mass,
