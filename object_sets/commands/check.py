@@ -51,10 +51,16 @@ class Check:
 
     def run(self) -> int:
         """Check one after the other, print a line each, and count at the end."""
+        from object_sets.errors import ObjectSetError
         from object_sets.importing import ImportConfig
         from object_sets.limits import Limits, stop_all_workers
         from object_sets.reading import Readers
-        from object_sets.storage import json_bytes, write_atomic
+        from object_sets.storage import check_file_writable, json_bytes, write_atomic
+
+        if not self.files:
+            raise ObjectSetError("check: nothing to check; give mesh files, folders of them, or sets")
+        if self.report is not None:
+            check_file_writable(self.report, "--report")
 
         config = ImportConfig(parse_extent(self.extent), self.max_faces, units=self.units, remesh=self.remesh)
         limits = Limits(self.memory, self.timeout)

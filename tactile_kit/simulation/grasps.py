@@ -43,7 +43,14 @@ ALL = np.ones(kinematics.FINGERS, bool)
 
 
 class GraspError(RuntimeError):
-    """No grasp was found."""
+    """No grasp was found of the object named ``thing``."""
+
+    def __init__(self, message: str, thing: str) -> None:
+        super().__init__(message)
+        self.thing = thing
+
+    def __reduce__(self) -> tuple:
+        return type(self), (self.args[0], self.thing)
 
 
 def _opened(offset: Array | float) -> Array:
@@ -175,7 +182,8 @@ def find_grasps(
             return found
     raise GraspError(
         f"{thing.name} with extents {np.round(thing.extents * 1000, 1)} mm: {len(found)} of {count} grasps held in "
-        f"{attempts * count} tries"
+        f"{attempts * count} tries",
+        thing.name,
     )
 
 

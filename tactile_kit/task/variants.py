@@ -92,5 +92,5 @@ def _held_size(thing: Object, config: TaskConfig, number: int) -> tuple[Object, 
         except GraspError as error:
             last = error
     raise GraspError(
-        f"{thing.name}: none of {REDRAWS} sizes in {config.extent_range} m can be held"
+        f"{thing.name}: none of {REDRAWS} sizes in {config.extent_range} m can be held", thing.name
     ) from last
