@@ -33,8 +33,10 @@ def read_obj(data: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
                 numbers.extend((float(words[1]), float(words[2]), float(words[3])))
                 count += 1
             elif key in (b"f", b"fo"):  # fo: what faces were called before version 3
-                polygons.append(_corners(words[1:], count))
-                groups.append(group)
+                corners = _corners(words[1:], count)
+                if len(corners) > 2:  # points and lines are no surface
+                    polygons.append(corners)
+                    groups.append(group)
             elif key in (b"o", b"g"):
                 group += 1
         except (ValueError, IndexError) as error:
@@ -102,8 +104,6 @@ def _corners(words: Sequence[bytes], count: int) -> list[int]:
         if index == 0 or index < -count:
             raise ValueError(f"index {index}")
         corners.append(index - 1 if index > 0 else count + index)
-    if len(corners) < 3:
-        raise ValueError("fewer than three corners")
     return corners
 
 

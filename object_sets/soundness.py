@@ -21,7 +21,7 @@ MERGE_DISTANCE = 1e-8
 #: How much higher triangles are made when there is a choice: objects may be used at a tenth of their size.
 MARGIN = 10.0
 #: m, by which a surface may move so that slivers go; tried in turn.
-TOLERANCES = (0.0, 1e-7, 1e-6, 1e-5)
+TOLERANCES = (0.0, 1e-7, 1e-6, 1e-5, 3e-5)
 
 AGAIN = "build the set again, or repair the mesh"
 
@@ -83,7 +83,7 @@ def sound_mesh(solid: Manifold, center: str, name: str) -> tuple[np.ndarray, np.
             try:
                 surface(vertices, faces, name, height)
             except MeshError as error:
-                last = error
+                last = error if tolerance == 0.0 else last  # of the surface as it was, not of what was tried
             else:
                 return vertices, faces, max(tolerance, height if turned else 0.0)
     raise last

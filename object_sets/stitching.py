@@ -71,7 +71,9 @@ def oriented(vertices: np.ndarray, faces: np.ndarray, repairs: list[str]) -> np.
     turned = (np.asarray(mesh.faces) != faces).any(axis=1)
     if not turned.any():
         return faces
-    share = np.bincount(labels, weights=np.where(turned, areas, 0.0)) / np.bincount(labels, weights=areas)
+    share = np.bincount(labels, weights=np.where(turned, areas, 0.0)) / np.maximum(
+        np.bincount(labels, weights=areas), 1e-300
+    )
     turned ^= share[labels] > 0.5
     repairs.append(f"turned {int(turned.sum())} faces to the side of their neighbours")
     return np.where(turned[:, None], faces[:, ::-1], faces)

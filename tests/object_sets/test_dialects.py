@@ -168,7 +168,7 @@ DIALECTS: dict[str, Writer] = {
     "obj, texture": lambda bodies: obj(bodies, corner="{}/1"),
     "obj, normals": lambda bodies: obj(bodies, corner="{}//1"),
     "obj, all": lambda bodies: obj(
-        bodies, corner="{}/1/1", head="mtllib none.mtl\nusemtl a\ns off\n\nl 1 2\np 1"
+        bodies, corner="{}/1/1", head="mtllib none.mtl\nusemtl a\ns off\n\nl 1 2\np 1\nf 1 2"
     ),
     "obj, continued": lambda bodies: obj(bodies, split=True),
     "off": off,

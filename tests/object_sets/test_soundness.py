@@ -34,7 +34,7 @@ def lowest(vertices, faces):
     ).min()
 
 
-@pytest.mark.parametrize("seed", [6, 14, 39, 108, 128])
+@pytest.mark.parametrize("seed", [14, 39, 108])
 def test_unions_are_free_of_slivers(seed, tmp_path):
     """These seeds left triangles lower than 1e-8 m; the solid stays what it was, and smaller sizes are sound too."""
     heap(seed).export(tmp_path / "heap.obj")
