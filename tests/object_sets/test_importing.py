@@ -1,8 +1,5 @@
 """Mesh files of all kinds and states: what passes, what is repaired, what is refused and how it is said."""
 
-import json
-import re
-
 import numpy as np
 import pytest
 import trimesh
@@ -390,38 +387,3 @@ def test_parts_that_do_not_stand_for_the_mesh_are_refused(tmp_path, monkeypatch)
     bowl().export(tmp_path / "meshes" / "bowl.stl")
     with pytest.raises(ObjectSetError, match=r"bowl\.stl: its 1 convex parts (are up to|differ from it by)"):
         object_sets.build(tmp_path / "out", meshes=tmp_path / "meshes", coacd_threshold=1.0, max_parts=1)
-
-
-def test_what_simplifying_changed_is_said(save):
-    """Volume and inertia, with their sign, as measured here from the two meshes."""
-    ball = trimesh.creation.icosphere(subdivisions=5, radius=0.03)
-    ball.apply_scale((1.0, 0.8, 0.6))
-    path = save(ball)
-    whole, simple = read_mesh(path, max_faces=30000), read_mesh(path)
-    old, new = (mass_properties(mesh.vertices, mesh.faces) for mesh in (whole, simple))
-    (said,) = simple.repairs
-    share = 100 * (new.volume / old.volume - 1)
-    moments = 100 * (np.linalg.eigvalsh(new.inertia) / np.linalg.eigvalsh(old.inertia) - 1)
-    assert f"volume, and mass at a density, by {share:+.2g} %" in said and abs(share) > 0.1
-    assert f"inertia at a mass by up to {moments[np.abs(moments).argmax()]:+.2g} %" in said
-
-
-def test_rough_parts_are_said_and_can_be_refused(tmp_path, monkeypatch, capsys):
-    """A tray in one part, which fills its hollow."""
-    monkeypatch.setenv("TACTILE_KIT_CACHE", str(tmp_path / "cache"))
-    (tmp_path / "meshes").mkdir()
-    tray = box((0.06, 0.06, 0.02)) - box((0.05, 0.05, 0.012), (0.0, 0.0, 0.01))
-    trimesh.Trimesh(*to_mesh(tray), process=False).export(tmp_path / "meshes" / "tray.stl")
-    command = ["build", "--meshes", str(tmp_path / "meshes"), "--out", str(tmp_path / "set")]
-    command += ["--max-parts", "1", "--coacd-threshold", "1"]
-    assert main(command) == 0
-    entry = json.loads((tmp_path / "set" / "manifest.json").read_bytes())["objects"][0]
-    told = f"{100 * entry['errors']['symmetric_difference']:.2g} % of its volume"
-    text = capsys.readouterr()
-    assert entry["errors"]["symmetric_difference"] == pytest.approx(15 / 57, rel=1e-6)
-    assert f"convex parts: {told} (the parts fill +26 %), 6 mm at worst (tray)" in text.out
-    assert "warning tray: its 1 convex parts differ from it by 26 %" in text.err
-    assert main([*command, "--max-part-error", "0.1"]) == 1
-    assert re.search(r"tray.stl: its . convex parts differ .* allowed are 10;", capsys.readouterr().err)
-    assert main([*command, "--max-part-error", "1.5"]) == 1
-    assert "max_part_error = 1.5" in capsys.readouterr().err
