@@ -16,7 +16,7 @@ from object_sets.errors import (
     UnknownObjectError,
 )
 from object_sets.objects import Object, ObjectSet
-from object_sets.sets import SETS, load, select
+from object_sets.sets import SETS, listed, load, select
 
 if TYPE_CHECKING:
     from object_sets.building import build
@@ -44,6 +44,7 @@ __all__ = [
     "UnknownObjectError",
     "build",
     "export",
+    "listed",
     "load",
     "read_mesh",
     "render_sheet",

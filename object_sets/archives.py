@@ -7,7 +7,7 @@ import zipfile
 from pathlib import Path
 
 from object_sets.errors import MeshError
-from object_sets.repair import BODIES
+from object_sets.limits import BODIES
 
 XML = (".model", ".rels", ".xml")
 UNPACKED = 512 * 2**20  # bytes a file may unpack to

@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from object_sets.errors import MeshError, ObjectSetError
+from object_sets.errors import DataError, MeshError, ObjectSetError
 from object_sets.limits import stop_all_workers
 from object_sets.manifest import MANIFEST_NAME, Entry, Manifest, Refused
 from object_sets.mass import mass_properties
 from object_sets.preparation import Candidate, Prepared, versions
-from object_sets.storage import write_atomic
+from object_sets.storage import cache_directory, check_writable, write_atomic
 
 log = logging.getLogger(__name__)
 
@@ -47,8 +47,11 @@ def assemble(
     With ``renumber`` ids count on without gaps where a task was refused.
 
     Raises:
-        ObjectSetError: not one task went well.
+        ObjectSetError: not one task went well, or ``out`` or the cache can't be written to, found before any starts.
     """
+    check_writable(out, "output")
+    check_writable(cache_directory(), "cache")
+    before = _files_of(out)
     ready: list[tuple[Entry, bytes]] = []
     refused: list[Refused] = []
     # Threads are enough: the heavy work is done in processes of its own.
@@ -80,7 +83,22 @@ def assemble(
         write_atomic(out / entry.file, data)
     path = out / MANIFEST_NAME
     write_atomic(path, manifest.to_bytes())  # last: a directory with a manifest is complete
+    for name in before - {entry.file for entry, _ in ready}:
+        (out / name).unlink(missing_ok=True)
     return path
+
+
+def _files_of(out: Path) -> set[str]:
+    """Files of a set that is there already, which the new one replaces."""
+    old = out / MANIFEST_NAME
+    if not old.exists():
+        return set()
+    try:
+        return {entry.file for entry in Manifest.from_bytes(old.read_bytes(), old).objects}
+    except (DataError, OSError) as error:
+        raise ObjectSetError(
+            f"output {out}: holds another set, and which files are its can't be told ({error})"
+        ) from error
 
 
 def _outcome(task: Task) -> Prepared | Refused:

@@ -13,9 +13,9 @@ import numpy as np
 from object_sets.assembling import Progress, Task, assemble, finished
 from object_sets.decomposition import DecompositionConfig
 from object_sets.errors import ObjectSetError, ScaleError, UnknownObjectError, nearest
-from object_sets.importing import MAX_FACES, Alignment, Center, ImportConfig, mesh_files
+from object_sets.importing import MAX_FACES, Alignment, Center, ImportConfig, Unit, check_extent, mesh_files
 from object_sets.limits import Limits
-from object_sets.preparation import Candidate, Prepared, prepare
+from object_sets.preparation import MAX_DIFFERENCE, Candidate, Prepared, prepare
 from object_sets.reading import Readers
 from object_sets.sets import SETS
 
@@ -33,10 +33,13 @@ def build(
     center: Center = "bounding-box",
     alignment: Alignment = "none",
     max_faces: int = MAX_FACES,
+    units: Unit = "m",
+    remesh: bool = False,
     seed: int = 0,
     coacd_threshold: float | None = None,
     max_parts: int | None = None,
     hull_vertices: int | None = None,
+    max_part_error: float = MAX_DIFFERENCE,
     timeout: float = Limits.timeout,
     memory: float = Limits.memory,
     mass: float | None = None,
@@ -58,10 +61,12 @@ def build(
         extent: (lowest, highest) side of a bounding box, m. Without ``scales``, a mesh whose largest extent is outside
             is scaled, all axes alike, to the nearer bound. With ``scales``, each axis's extent is drawn uniformly.
         scales: number of prepared sizes an object; needs ``extent``.
-        center, alignment, max_faces: of meshes, see ``importing.ImportConfig``.
+        center, alignment, max_faces, units, remesh: of meshes, see ``importing.ImportConfig``.
         seed: of the sizes and of CoACD.
         coacd_threshold, max_parts, hull_vertices: settings of the convex parts (``DecompositionConfig``); by default
             those of each authored shape, or the general ones.
+        max_part_error: how much volume the convex parts may miss and add together, relative to the solid's, 0 to 1;
+            what differs by more is refused.
         timeout: seconds one mesh may take: reading, repair and convex parts together.
         memory: GiB that a process working on one mesh may take.
         mass: kg of every object; or ``density``: kg/m^3 of the solid. By default authored masses, else unknown.
@@ -73,11 +78,17 @@ def build(
         ObjectSetError: arguments that don't fit together, or not one mesh could be used.
     """
     check_arguments(extent, scales, mass, density, jobs)
+    if not 0 < max_part_error <= MAX_DIFFERENCE:
+        raise ObjectSetError(
+            f"max_part_error = {max_part_error!r}: a share of the volume, above 0 to 1, is needed"
+        )
     if (meshes is None) == (set_name is None):
         raise ObjectSetError(f"meshes = {meshes!r}, set_name = {set_name!r}: exactly one of them is needed")
-    posing = ImportConfig(extent, max_faces, center, alignment)
+    posing = ImportConfig(extent, max_faces, center, alignment, units, remesh)
     if set_name is not None and posing != ImportConfig(extent):
-        raise ObjectSetError("center, alignment and max_faces are for meshes; authored shapes have their own")
+        raise ObjectSetError(
+            "center, alignment, max_faces, units and remesh are for meshes; authored shapes have their own"
+        )
     given = {"threshold": coacd_threshold, "max_parts": max_parts, "hull_vertices": hull_vertices}
     settings: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
     settings.update(seed=seed, timeout=timeout, memory=memory)
@@ -88,17 +99,19 @@ def build(
     with Readers() as readers:
         if meshes is None:
             assert set_name is not None
-            name, tasks = set_name, _authored(set_name, settings, finish)
+            name, tasks = set_name, _authored(set_name, settings, finish, max_part_error)
         else:
             name = Path(meshes).resolve().name
-            tasks = _imported(Path(meshes), recursive, settings, posing, licence, finish, readers)
+            tasks = _imported(
+                Path(meshes), recursive, settings, posing, licence, finish, readers, max_part_error
+            )
         return assemble(
             Path(out), name, tasks, seed=seed, extent=extent, jobs=jobs, progress=progress,
             renumber=meshes is not None,
         )  # fmt: skip
 
 
-def _authored(set_name: str, settings: dict[str, Any], finish: Finish) -> list[Task]:
+def _authored(set_name: str, settings: dict[str, Any], finish: Finish, max_part_error: float) -> list[Task]:
     from object_sets.csg import to_mesh
     from object_sets.shapes import LICENCE, SHAPES
 
@@ -113,7 +126,7 @@ def _authored(set_name: str, settings: dict[str, Any], finish: Finish) -> list[T
         def work() -> Prepared:
             vertices, faces = to_mesh(shape.make())
             made = Candidate(shape.id, shape.name, vertices, faces, shape.source, LICENCE, shape.mass)
-            return prepare(finish(made), config)
+            return prepare(finish(made), config, max_part_error)
 
         return Task(shape.name, work)
 
@@ -128,6 +141,7 @@ def _imported(
     licence: str,
     finish: Finish,
     readers: Readers,
+    max_part_error: float,
 ) -> list[Task]:
     files = mesh_files(folder, recursive)
     labels = [file.relative_to(folder).as_posix() for file in files]
@@ -143,7 +157,7 @@ def _imported(
                 source_sha256=mesh.sha256, repairs=mesh.repairs, center=posing.center, alignment=posing.alignment,
             )  # fmt: skip
             left = replace(config, timeout=max(end - time.monotonic(), 1e-3))
-            return prepare(finish(made), left)
+            return prepare(finish(made), left, max_part_error)
 
         return Task(labels[index], work)
 
@@ -170,8 +184,7 @@ def check_arguments(
     jobs: int,
 ) -> None:
     """Raise ``ObjectSetError`` for what no set can be made with."""
-    if extent is not None and not 0 < extent[0] <= extent[1] < np.inf:
-        raise ScaleError(f"extent = {extent!r}: two lengths in m with 0 < lowest <= highest are needed")
+    check_extent(extent)
     if scales < 0 or (scales and extent is None):
         raise ScaleError(
             f"scales = {scales!r} with extent = {extent!r}: a number >= 0, and an extent when > 0"

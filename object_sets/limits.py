@@ -16,6 +16,7 @@ from object_sets.errors import ObjectSetError
 
 GIB = 2**30
 _running: set[subprocess.Popen[bytes]] = set()
+BODIES = 500  # of one file; what consists of more is no single object
 EXHAUSTED = ("MemoryError", "bad_alloc", "Cannot allocate", "Unable to allocate")  # how libraries say it
 
 

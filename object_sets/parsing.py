@@ -1,4 +1,7 @@
-"""From a mesh file to triangles, through trimesh. Nothing outside the file's folder is read, and no material at all."""
+"""From a mesh file to triangles. Nothing outside the file's folder is read, and no material at all.
+
+OBJ and OFF are read by ``polygons``, PLY by ``ply`` (which say why), the other formats by trimesh.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,9 @@ import numpy as np
 
 from object_sets.archives import check_archive
 from object_sets.errors import MeshError
+from object_sets.nature import check_nature, without_trailer
+from object_sets.ply import read_ply
+from object_sets.polygons import read_obj, read_off
 from object_sets.storage import sha256
 
 FORMATS = (".stl", ".obj", ".ply", ".glb", ".gltf", ".off", ".3mf")
@@ -30,7 +36,8 @@ class Triangles(NamedTuple):
     """What a file says, unchecked but for finite numbers and valid indices."""
 
     vertices: np.ndarray  # (V, 3) float64, m (3MF) or the file's unit
-    faces: np.ndarray  # (F, 3) int64
+    faces: np.ndarray  # (F, 3) int64, indices as in the file: what it keeps apart stays apart
+    groups: np.ndarray  # (F,) int64, which body, node or solid of the file a face is listed under
     sha256: str  # of the file
 
 
@@ -43,6 +50,10 @@ def parse(path: Path) -> Triangles:
     """
     if path.suffix.lower() not in FORMATS:
         raise MeshError(path, f"unknown ending {path.suffix!r}", f"convert it to one of {', '.join(FORMATS)}")
+    if path.is_symlink() and not path.exists():
+        raise MeshError(
+            path, f"is a link to {str(path.readlink())!r}, which is missing", "restore what it points to"
+        )
     try:
         if path.exists() and not path.is_file():  # a pipe or a device would never end
             raise MeshError(path, "is no regular file", "give a mesh file")
@@ -52,8 +63,9 @@ def parse(path: Path) -> Triangles:
             path, f"can't be read ({error.strerror})", "check the path and its permissions"
         ) from error
     kind = path.suffix.lower()[1:]
+    check_nature(path, data, kind)
     bodies = check_archive(path, data) if kind == "3mf" else None
-    vertices, faces = _loaded(path, data, kind, bodies)
+    vertices, faces, groups = _loaded(path, data, kind, bodies)
     if len(faces) == 0 or faces.ndim != 2:
         raise MeshError(
             path, "has no triangles", "export the surface, not a point cloud, curves or an empty scene"
@@ -65,30 +77,18 @@ def parse(path: Path) -> Triangles:
         raise MeshError(path, "has vertices that are not finite numbers", "export it again")
     if np.abs(used).max() > 1e30:
         raise MeshError(path, f"has coordinates as large as {np.abs(used).max():.3g}", "export it again")
-    return Triangles(vertices, faces, sha256(data))
+    return Triangles(vertices, faces, groups, sha256(data))
 
 
-def _loaded(path: Path, data: bytes, kind: str, bodies: int | None) -> tuple[np.ndarray, np.ndarray]:
-    import trimesh
-
+def _loaded(
+    path: Path, data: bytes, kind: str, bodies: int | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     quiet = logging.getLogger("trimesh")
     level = quiet.level
     quiet.setLevel(logging.CRITICAL)  # what it would say is raised below, with the file's name
     try:
-        options: dict[str, Any] = {"process": False}
-        if kind in ("obj", "ply", "glb", "gltf"):
-            options["skip_materials"] = True
-        scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=_beside(path), **options)
-        factor = UNITS.get(str(scene.units), 1.0) if kind == "3mf" else 1.0
-        found = len(scene.graph.nodes_geometry)
-        if bodies is not None and found != bodies:
-            raise MeshError(
-                path,
-                f"holds {bodies} bodies, of which {found} could be read",
-                "save them as one mesh without components",
-            )
-        mesh = scene.to_mesh()
-        return np.array(mesh.vertices, np.float64) * factor, np.array(mesh.faces, np.int64)
+        own = {"obj": read_obj, "off": read_off, "ply": read_ply}.get(kind)
+        return own(data) if own else _by_trimesh(path, data, kind, bodies)
     except (MeshError, MemoryError):
         raise
     except Exception as error:  # parsers raise anything on broken input
@@ -96,6 +96,32 @@ def _loaded(path: Path, data: bytes, kind: str, bodies: int | None) -> tuple[np.
         raise MeshError(path, f"is no readable {kind.upper()} file ({first})", "export it again") from error
     finally:
         quiet.setLevel(level)
+
+
+def _by_trimesh(
+    path: Path, data: bytes, kind: str, bodies: int | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    import trimesh
+
+    options: dict[str, Any] = {"process": False}
+    if kind in ("glb", "gltf"):
+        options["skip_materials"] = True
+    data = without_trailer(data) if kind == "stl" else data
+    scene = trimesh.load_scene(io.BytesIO(data), file_type=kind, resolver=_beside(path), **options)
+    factor = UNITS.get(str(scene.units), 1.0) if kind == "3mf" else 1.0
+    found = len(scene.graph.nodes_geometry)
+    if bodies is not None and found != bodies:
+        raise MeshError(
+            path,
+            f"holds {bodies} bodies, of which {found} could be read",
+            "save them as one mesh without components",
+        )
+    meshes = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh)]
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    vertices = [np.zeros((0, 3)), *(np.asarray(mesh.vertices, np.float64) for mesh in meshes)]
+    faces = [np.zeros((0, 3), np.int64), *(mesh.faces + start for mesh, start in zip(meshes, starts))]
+    groups = np.repeat(np.arange(len(meshes)), [len(mesh.faces) for mesh in meshes])
+    return np.concatenate(vertices) * factor, np.concatenate(faces).astype(np.int64), groups
 
 
 def _beside(path: Path) -> Any:

@@ -15,6 +15,7 @@ from object_sets.manifest import Decomposition, Entry, Errors, Part
 from object_sets.mass import mass_properties
 from object_sets.objects import Object
 from object_sets.quality import part_errors
+from object_sets.soundness import surface
 from object_sets.storage import npz_bytes, sha256
 
 MAX_DIFFERENCE = 1.0  # of the volume: parts that miss or add as much as the solid itself are refused
@@ -47,16 +48,21 @@ class Prepared(NamedTuple):
     data: bytes
 
 
-def prepare(candidate: Candidate, config: DecompositionConfig) -> Prepared:
+def prepare(
+    candidate: Candidate, config: DecompositionConfig, max_difference: float = MAX_DIFFERENCE
+) -> Prepared:
     """Convex parts, errors, manifest entry and npz file of one object.
+
+    ``max_difference`` is how much volume the parts may miss or add together, relative to the solid's.
 
     Raises:
         DecompositionError: CoACD gave no parts.
-        MeshError: the parts are too far from the mesh to stand for it.
+        MeshError: the surface isn't sound, or the parts are too far from the mesh to stand for it.
     """
     from scipy.spatial import ConvexHull
 
     vertices, faces = candidate.vertices, candidate.faces
+    surface(vertices, faces, candidate.name)
     volume = mass_properties(vertices, faces).volume
     convex = is_convex(vertices, volume)
     parts = decompose(vertices, faces, convex, config, candidate.name)
@@ -71,10 +77,11 @@ def prepare(candidate: Candidate, config: DecompositionConfig) -> Prepared:
             f"its {len(parts)} convex parts are up to {1000 * errors.hausdorff:.1f} mm off the surface",
             f"lower the CoACD threshold ({config.threshold}) or allow more parts",
         )
-    if errors.symmetric_difference > MAX_DIFFERENCE:
+    if errors.symmetric_difference > max_difference:
         raise MeshError(
             candidate.name,
-            f"its {len(parts)} convex parts differ from it by {100 * errors.symmetric_difference:.0f} % of its volume",
+            f"its {len(parts)} convex parts differ from it by {100 * errors.symmetric_difference:.0f} % of its volume; "
+            f"allowed are {100 * max_difference:g}",
             f"lower the CoACD threshold ({config.threshold}) or allow more parts",
         )
     arrays = {"vertices": item.vertices, "faces": item.faces}

@@ -79,19 +79,19 @@ def sample(
 
         def work() -> Prepared:
             for number in range(draws):
-                vertices, faces = _drawn(family, seed, index, number, extent)
                 source = f"family {family}, seed {seed}, number {index}, draw {number}"
                 if graspable is not None:
                     source += (
                         f", held by {graspable.__module__}.{getattr(graspable, '__qualname__', graspable)}"
                     )
-                made = Candidate(index, name, vertices, faces, source, LICENCE)
                 try:
+                    vertices, faces = _drawn(family, seed, index, number, extent)
+                    made = Candidate(index, name, vertices, faces, source, LICENCE)
                     prepared = prepare(finished(made, extent, 0, seed, mass, density), config)
                 except DecompositionError:
                     raise  # time and memory differ between machines; what is drawn must not
                 except MeshError:
-                    continue  # its parts are too far off
+                    continue  # its parts are too far off, or its surface has slivers
                 if graspable is None:
                     return prepared
                 with alone:
@@ -114,13 +114,14 @@ def _drawn(
     family: str, seed: int, index: int, number: int, extent: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mesh of draw ``number`` of object ``index``: vertices (V, 3) float64 m, faces (F, 3) int32."""
-    from object_sets.csg import to_mesh
+    from object_sets.soundness import sound_mesh
 
     word = int.from_bytes(hashlib.blake2s(family.encode(), digest_size=8).digest(), "little")
     stream = np.random.SeedSequence(seed, spawn_key=(word, index, number))
     generator = np.random.default_rng(stream)
     extents = generator.uniform(*extent, 3)
-    return to_mesh(import_module(f"object_sets.families.{family}").draw(generator, extents))
+    solid = import_module(f"object_sets.families.{family}").draw(generator, extents)
+    return sound_mesh(solid, "bounding-box", f"{family}_{index:04d}")[:2]
 
 
 def grasp_check(name: str | None = None) -> GraspCheck:

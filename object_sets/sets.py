@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -46,20 +46,45 @@ def load(name: str | Path) -> ObjectSet:
         directory = directory.parent
     if (directory / "manifest.json").is_file():
         return _read(directory.resolve())
-    hint = nearest(name, SETS)
+    hint = _building(directory) or nearest(name, SETS)
     raise UnknownObjectError(
         f"object set {str(name)!r}: neither a set nor a directory with manifest.json{hint}"
     )
 
 
-def select(text: str) -> ObjectSet:
+def _building(place: Path) -> str:
+    """For meshes that no set was made of yet: the command that makes it, to end an error message with."""
+    from object_sets.parsing import FORMATS
+
+    folder = place.parent if place.suffix.lower() in FORMATS and place.is_file() else place
+    if not folder.is_dir() or not any(file.suffix.lower() in FORMATS for file in folder.rglob("*")):
+        return ""
+    deep = "" if any(file.suffix.lower() in FORMATS for file in folder.iterdir()) else " --recursive"
+    return (
+        f"; it holds meshes, make a set of them: object-sets build --meshes {folder}{deep} --out "
+        f"{folder.resolve().name}_set --extent 0.045:0.09"
+    )
+
+
+def listed(objects: str | Path | Sequence[str | Path]) -> str:
+    """Objects as the comma list that ``select`` takes: a name, a path, or several of them."""
+    return (
+        ",".join(map(str, objects))
+        if isinstance(objects, Sequence) and not isinstance(objects, str)
+        else str(objects)
+    )
+
+
+def select(objects: str | Path | Sequence[str | Path]) -> ObjectSet:
     """Objects from a comma list of set names, object names and ids, for example ``"geometric8,cube,12"``.
 
-    Order is kept, duplicates are dropped. A directory made by ``object-sets build`` may stand alone or in the list.
+    Order is kept, duplicates are dropped. A directory made by ``object-sets build`` may stand alone or in the list, and
+    so may one object of a set, by name: ``"my_set/mug"``. Paths and lists of all these are taken too.
 
     Raises:
         UnknownObjectError: an item is none of these; the message names the nearest that is.
     """
+    text = listed(objects)
     everything = load("all")
     chosen: dict[tuple[int, str, str], Object] = {}
     items = [item.strip() for item in text.split(",")]
@@ -70,16 +95,43 @@ def select(text: str) -> ObjectSet:
             found = (everything[int(item)],)
         elif item in everything.names:
             found = (everything[item],)
-        elif item and (Path(item) / "manifest.json").is_file():
+        elif item and _is_set(Path(item)):
             found = load(Path(item)).objects
+        elif "/" in item and (item.rpartition("/")[0] in SETS or _is_set(Path(item).parent)):
+            found = (_one(*item.rpartition("/")[::2]),)
         else:
-            hint = nearest(item, [*SETS, *everything.names])
+            hint = (_building(Path(item)) if item else "") or nearest(item, [*SETS, *everything.names])
             raise UnknownObjectError(
                 f"object {item!r} in {text!r}: ids 0-{len(everything) - 1}, names and sets{hint}"
             )
         for candidate in found:
             chosen.setdefault((candidate.id, candidate.name, candidate.digest), candidate)
     return ObjectSet(text if len(items) > 1 else items[0], tuple(chosen.values()))
+
+
+def _is_set(place: Path) -> bool:
+    return (place.parent if place.name == "manifest.json" else place).joinpath("manifest.json").is_file()
+
+
+def _one(place: str, name: str) -> Object:
+    """One object of a set, by its name."""
+    whole = load(place)
+    if name not in whole.names:
+        raise UnknownObjectError(f"object {name!r} of {place!r}{nearest(name, whole.names)}")
+    return whole[name]
+
+
+def addresses(objects: str | Path | Sequence[str | Path]) -> dict[str, Object]:
+    """What ``select`` finds, each object under a text by which ``select`` finds it alone."""
+    found: dict[str, Object] = {}
+    for item in (part.strip() for part in listed(objects).split(",")):
+        chosen = select(item)
+        alone = len(chosen) == 1 and not _is_set(Path(item))
+        for thing in chosen:
+            address = item if alone else thing.name if item in SETS else f"{item}/{thing.name}"
+            if thing not in found.values():
+                found[address] = thing
+    return found
 
 
 @lru_cache(maxsize=1)

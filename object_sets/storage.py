@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from object_sets.errors import DataError
+from object_sets.errors import DataError, ObjectSetError
 
 UNPACKED = 512 * 2**20  # bytes an npz may unpack to
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip can hold
@@ -90,6 +90,36 @@ def write_atomic(path: Path, data: bytes) -> None:
         raise
 
 
+def check_writable(place: Path, what: str) -> None:
+    """Raise ``ObjectSetError`` naming ``what`` unless directory ``place`` can be made and written to; makes nothing."""
+    there = place.absolute()
+    while not there.exists() and there != there.parent:
+        there = there.parent
+    try:
+        with tempfile.TemporaryFile(dir=there):
+            pass
+    except OSError as error:
+        raise ObjectSetError(f"{what} {place}: can't be written ({error.strerror}: {there})") from error
+
+
+def check_file_writable(file: Path, what: str) -> None:
+    """Raise ``ObjectSetError`` naming ``what`` unless ``file`` can be written, over an older one too."""
+    if file.is_dir():
+        raise ObjectSetError(f"{what} {file}: is a folder; name a file")
+    check_writable(file.parent, what)
+
+
 def cache_directory() -> Path:
-    """``$TACTILE_KIT_CACHE``, by default ``~/.cache/tactile-kit``; what is in it can be deleted at any time."""
-    return Path(os.environ.get("TACTILE_KIT_CACHE") or Path.home() / ".cache" / "tactile-kit")
+    """``$TACTILE_KIT_CACHE``, by default ``~/.cache/tactile-kit``; what is in it can be deleted at any time.
+
+    Who has no home that can be written to gets a folder among the temporary files.
+    """
+    named = os.environ.get("TACTILE_KIT_CACHE")
+    if named:
+        return Path(named)
+    try:
+        home = Path.home()
+        check_writable(home / ".cache" / "tactile-kit", "cache")
+    except (RuntimeError, ObjectSetError):  # a container's user without a home, or with / for one
+        return Path(tempfile.gettempdir()) / f"tactile-kit-{os.getuid()}"
+    return home / ".cache" / "tactile-kit"

@@ -11,8 +11,9 @@ from object_sets.errors import DataError, MeshError
 from object_sets.manifest import MANIFEST_NAME, Entry, Manifest
 from object_sets.objects import Object
 from object_sets.quality import part_errors
-from object_sets.repair import check_closed, check_sound
+from object_sets.repair import check_sound
 from object_sets.sets import nominal_objects
+from object_sets.soundness import surface
 
 
 def verify(place: str | Path) -> int:
@@ -35,7 +36,7 @@ def verify(place: str | Path) -> int:
 
 def _verify(file: Path, entry: Entry, item: Object) -> None:
     try:
-        check_closed(entry.file, item.vertices, item.faces)
+        surface(item.vertices, item.faces, entry.name)
         check_sound(Path(entry.file), item.vertices, item.faces)
     except MeshError as error:
         raise DataError(f"{file}: object {entry.name!r} {error.defect}") from error

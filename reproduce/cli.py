@@ -126,7 +126,7 @@ def evaluate(
     Args:
         agent: The agent's directory.
         out: The episode file to write.
-        objects: Object sets, names or ids, separated by commas.
+        objects: Object sets, names or ids, paths of sets, or one object of a set (my_set/mug), separated by commas.
         episodes_per_goal: Repeats of each of the 24 goals on each object.
         seed: Of the evaluation; its streams are apart from training's.
         given: The mesh the agent is told of: true, nominal, each, or an object's name.
@@ -219,7 +219,7 @@ def evaluate_planner(
 
     Args:
         out: The episode file to write or to go on with; Table I reads results/episodes/planner/nominal.csv.
-        objects: Object sets, names or ids, separated by commas.
+        objects: Object sets, names or ids, paths of sets, or one object of a set (my_set/mug), separated by commas.
         episodes_per_goal: Repeats of each goal on each object.
         goals_per_case: How many of the 24 goals.
         seed: Of the evaluation, as in evaluate.
@@ -227,11 +227,13 @@ def evaluate_planner(
         planner: Settings of the planner (tactile_kit.planning.PlannerConfig); its defaults by default.
         num_workers: Processes that plan, an episode each; 0: this one.
     """
+    from object_sets.storage import check_file_writable
     from reproduce.planner import evaluate_to
 
     def tell(done: int, total: int) -> None:
         print(f"{done} of {total} episodes", file=sys.stderr, flush=True)
 
+    check_file_writable(out, "--out")
     summary = evaluate_to(
         out, objects, planner=planner, episodes_per_goal=episodes_per_goal, goals_per_case=goals_per_case, seed=seed,
         randomization=randomization, num_workers=num_workers, progress=tell,
@@ -259,8 +261,10 @@ def film(
         seed: Of grasps, goals and physics.
         size: Edge of the picture in pixels, a multiple of 16.
     """
+    from object_sets.storage import check_file_writable
     from tactile_kit.evaluation.film import film as write_film
 
+    check_file_writable(out, "--out")
     pictures = write_film(agent, out, objects=objects, episodes=episodes, seed=seed, size=size)
     print(f"{out}: {pictures} pictures")
     return 0

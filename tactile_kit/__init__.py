@@ -7,7 +7,9 @@ of them is used.
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 __version__ = "0.1.0"
@@ -29,6 +31,14 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
+def _place_compiled_code() -> None:
+    """numba keeps what it compiled beside the source, else in the user's home; in a container it may have neither."""
+    if "NUMBA_CACHE_DIR" not in os.environ and not os.access(Path(__file__).parent, os.W_OK):
+        from object_sets.storage import cache_directory
+
+        os.environ["NUMBA_CACHE_DIR"] = str(cache_directory() / "numba")
+
+
 def register() -> None:
     """Tell Gymnasium of the environment; importing the package has done it already."""
     import gymnasium
@@ -38,4 +48,5 @@ def register() -> None:
         gymnasium.register(ENVIRONMENT, entry_point="tactile_kit.task.env:ReorientEnv")
 
 
+_place_compiled_code()
 register()

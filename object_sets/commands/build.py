@@ -29,7 +29,7 @@ class Build:
     out: Path = Path("object-set")
     """Directory to write."""
     extent: str | None = None
-    """Range of extents in metres, LOW:HIGH, for example 0.045:0.09. Without it lengths are metres."""
+    """Range of extents in metres, LOW:HIGH, for example 0.045:0.09. Without it sizes stay."""
     scales: int = 0
     """Prepared sizes an object, each axis drawn uniformly from --extent."""
     center: Literal["bounding-box", "mass", "origin"] = "bounding-box"
@@ -38,12 +38,18 @@ class Build:
     """How a mesh is turned: not; its y becomes z; principal axes, or the smallest box, onto x, y, z, longest first."""
     max_faces: int = 4000
     """Denser meshes are simplified, the surface moving by at most 1 % of the size."""
+    units: Literal["m", "cm", "mm", "inch"] = "m"
+    """Lengths of the files. 3MF files have a unit of their own."""
+    remesh: bool = False
+    """Make a new surface around meshes that are open, branched or cut through themselves; how far it moves is said."""
     seed: int = 0
     """Of the sizes and of CoACD."""
     coacd_threshold: float | None = None
     """Concavity bound of the convex parts, 0.01 to 1; lower means more parts. Default: 0.1."""
     max_parts: int | None = None
     """Bound on the number of convex parts. Default: set for each authored shape, else none."""
+    max_part_error: float = 1.0
+    """Refuse objects whose convex parts miss and add more than this share of the volume; from 0.2 on they are named."""
     timeout: float = 300.0
     """Seconds one mesh may take: reading, repair and convex parts together."""
     memory: float = 4.0
@@ -72,9 +78,12 @@ class Build:
                 center=self.center,
                 alignment=self.align,
                 max_faces=self.max_faces,
+                units=self.units,
+                remesh=self.remesh,
                 seed=self.seed,
                 coacd_threshold=self.coacd_threshold,
                 max_parts=self.max_parts,
+                max_part_error=self.max_part_error,
                 timeout=self.timeout,
                 memory=self.memory,
                 mass=self.mass,

@@ -8,7 +8,7 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -33,9 +33,13 @@ class Check:
     recursive: bool = False
     """Look into the folders of folders too."""
     extent: str | None = None
-    """Range of extents in metres, LOW:HIGH, to scale to. Without it lengths are metres."""
+    """Range of extents in metres, LOW:HIGH, to scale to. Without it sizes stay."""
     max_faces: int = 4000
     """Denser meshes are simplified, the surface moving by at most 1 % of the size."""
+    units: Literal["m", "cm", "mm", "inch"] = "m"
+    """Lengths of the files. 3MF files have a unit of their own."""
+    remesh: bool = False
+    """Make a new surface around meshes that are open, branched or cut through themselves; how far it moves is said."""
     timeout: float = 300.0
     """Seconds one file may take."""
     memory: float = 4.0
@@ -47,12 +51,18 @@ class Check:
 
     def run(self) -> int:
         """Check one after the other, print a line each, and count at the end."""
+        from object_sets.errors import ObjectSetError
         from object_sets.importing import ImportConfig
         from object_sets.limits import Limits, stop_all_workers
         from object_sets.reading import Readers
-        from object_sets.storage import json_bytes, write_atomic
+        from object_sets.storage import check_file_writable, json_bytes, write_atomic
 
-        config = ImportConfig(parse_extent(self.extent), self.max_faces)
+        if not self.files:
+            raise ObjectSetError("check: nothing to check; give mesh files, folders of them, or sets")
+        if self.report is not None:
+            check_file_writable(self.report, "--report")
+
+        config = ImportConfig(parse_extent(self.extent), self.max_faces, units=self.units, remesh=self.remesh)
         limits = Limits(self.memory, self.timeout)
         files = self._files()
         rows = []

@@ -27,10 +27,18 @@ def run(pipeline: Path, item: str, beat: Heartbeat) -> None:
 def evaluate_to(agent: Path, out: Path, **settings: Any) -> dict[str, Any]:
     """Evaluates the agent in directory ``agent`` and writes its rows to ``out``; settings as ``tactile_kit.evaluate``.
 
-    Returns ``summary_of`` the rows. Raises ``ReproduceError`` where there is no agent.
+    Returns ``summary_of`` the rows.
+
+    Raises:
+        ReproduceError: there is no agent.
+        ObjectSetError: ``out`` or the cache can't be written, found before any work.
     """
     if not (agent / "agent.json").is_file():
         raise ReproduceError(f"{agent}: no agent there (agent.json is missing)")
+    from object_sets.storage import cache_directory, check_file_writable, check_writable
+
+    check_file_writable(out, "--out")
+    check_writable(cache_directory(), "cache")
     import torch
 
     from tactile_kit.evaluation import evaluate, write_rows

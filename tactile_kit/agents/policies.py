@@ -58,7 +58,7 @@ class HandActorCriticPolicy(ActorCriticPolicy):
         )
 
     def _build(self, lr_schedule: Schedule) -> None:
-        layout, critic_layout, actor, critic, bounded, log_std, rest, critic_rate = self._networks
+        layout, _, actor, critic, bounded, log_std, rest, critic_rate = self._networks
         size = int(self.action_space.shape[0])  # type: ignore[index]
         # SB3 makes one extractor, the critic's; the actor gets its own, around the same statistics
         other = self.features_extractor

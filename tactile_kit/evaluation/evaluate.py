@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,7 +18,7 @@ NUM_ENVS = 16
 
 def evaluate(
     agent: Any,
-    objects: str = "paper",
+    objects: str | Path | Sequence[str | Path] = "paper",
     *,
     goals: Literal["octahedral", "so3"] = "octahedral",
     episodes_per_goal: int = 1,
@@ -42,7 +42,9 @@ def evaluate(
 
     Args:
         agent: what ``tactile_kit.load_agent`` returns, or an agent's directory.
-        objects: sets, names or ids, separated by commas, as ``object_sets.select`` takes them.
+        objects: sets, names or ids, separated by commas, paths of sets or of one object in them (``my_set/mug``), or a
+            list of these, as ``object_sets.select`` takes them. An object of which no grasp is found has no rows; that
+            is logged as a warning.
         goals: the 24 octahedral goals, or goals uniform on SO(3).
         episodes_per_goal: repeats of each goal, each with its own initial grasp and randomisation.
         seed: of the evaluation. Its streams are apart from training's of the same number.

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 from randomization import STANDARD_GRAVITY, derive
 from tactile_kit.evaluation.cases import GOALS, Body, Case, Episode, goal_rotation, make_cases, make_episodes
 from tactile_kit.evaluation.errors import EvaluationError
 from tactile_kit.evaluation.rows import SUCCESS_ANGLE, EpisodeRow
+
+log = logging.getLogger(__name__)
 
 HORIZON = 100  # actions of 0.1 s: T = 10 s
 # Physics steps a second: the finest that a whole `make reproduce` affords; docs/physics.md has finer ones beside it.
@@ -86,7 +91,7 @@ class Schedule:
 
 def schedule(
     trained: Any,
-    objects: str = "paper",
+    objects: str | Path | Sequence[str | Path] = "paper",
     *,
     goals: str = "octahedral",
     episodes_per_goal: int = 1,
@@ -106,27 +111,30 @@ def schedule(
     """
     import object_sets
     from tactile_kit.task.goals import EpisodeSpec
-    from tactile_kit.task.variants import prepare
 
+    objects = object_sets.listed(objects)
     if sizes < 1 or (scaling == "nominal" and sizes != 1):
         raise EvaluationError(
             f"sizes = {sizes}; allowed are integers >= 1, and 1 only where scaling is nominal"
         )
     if goals not in ("octahedral", "so3"):
         raise EvaluationError(f"goals = {goals!r}; allowed are 'octahedral' and 'so3'")
-    names = [thing.name for thing in object_sets.select(objects)]
     lent = "" if given in ("true", "nominal", "each") else given
-    task = evaluation_task(
-        trained,
-        f"{objects},{lent}" if lent else objects,
-        seed,
-        scaling,
-        sizes,
-        goals=goals,
-        randomization=randomization,
-        steps_per_second=steps_per_second,
-    )
-    variants = prepare(task, num_workers, quiet=quiet)
+
+    def task_of(objects: str) -> Any:
+        return evaluation_task(
+            trained,
+            f"{objects},{lent}" if lent else objects,
+            seed,
+            scaling,
+            sizes,
+            goals=goals,
+            randomization=randomization,
+            steps_per_second=steps_per_second,
+        )
+
+    objects, task, variants = _held(objects, task_of, num_workers, quiet)
+    names = [thing.name for thing in object_sets.select(objects)]
     bodies = _bodies(variants)
     if lent:
         (lent,) = (thing.name for thing in object_sets.select(lent))
@@ -136,6 +144,29 @@ def schedule(
     episodes = make_episodes(bodies, cases, episodes_per_goal, seed)
     specs = [EpisodeSpec(cases[e.case].held, cases[e.case].given, goal_rotation(e), e.seed) for e in episodes]
     return Schedule(task, variants, bodies, cases, episodes, specs)
+
+
+def _held(objects: str, task_of: Callable[[str], Any], num_workers: int, quiet: bool) -> tuple[str, Any, Any]:
+    """Those of the objects that can be held, their task and its variants; the others are said, and have no episodes.
+
+    Raises ``EvaluationError`` where none is left.
+    """
+    from object_sets.sets import addresses
+    from tactile_kit.simulation.grasps import GraspError
+    from tactile_kit.task.variants import prepare
+
+    left: dict[str, Any] = {}
+    while True:
+        task = task_of(objects)
+        try:
+            return objects, task, prepare(task, num_workers, quiet=quiet)
+        except GraspError as error:
+            left = left or addresses(objects)
+            kept = {place: thing for place, thing in left.items() if thing.name != error.thing}
+            if not kept or len(kept) == len(left):  # or it is lent, and nothing works without its mesh
+                raise EvaluationError(f"nothing can be evaluated: {error}") from error
+            log.warning("left out of the evaluation: %s", error)
+            left, objects = kept, ",".join(kept)
 
 
 def evaluation_task(

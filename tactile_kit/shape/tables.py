@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from object_sets.errors import MeshError
+from object_sets.soundness import surface
 from tactile_kit.shape.blocks import block_bounds, block_rows, kd_order
-from tactile_kit.shape.validation import MeshError, checked_mesh, merge_vertices, require_closed
 
 #: Meshes with more triangles than this are searched through bounding boxes (measured crossover 300 to 1000).
 CULLING_ABOVE = 512
@@ -64,24 +65,27 @@ class MeshTable:
         self.extents = high - low
 
     @classmethod
-    def from_meshes(cls, meshes: Iterable[tuple[Any, Any]] | Sequence[tuple[Any, Any]]) -> MeshTable:
+    def from_meshes(cls, meshes: Iterable[tuple[Any, Any]], names: Sequence[str] | None = None) -> MeshTable:
         """Check and prepare meshes.
 
         meshes: pairs of vertices (V, 3) float, metres, canonical frame, and faces (F, 3) int, outward winding.
-        Vertices closer than 1e-8 m are merged first, and triangles that this collapses are dropped.
+        Vertices closer than 1e-8 m are merged where that is needed to close a mesh.
+        names: what each mesh is called in errors, by default "mesh 0", "mesh 1", ...
 
-        Raises MeshError (a ValueError) naming mesh and defect: wrong shape or type, not finite, index out of range,
-        zero-area triangle, open or non-manifold edge, inconsistent or inward winding.
+        Raises MeshError (a ValueError) naming mesh and defect where a mesh is not sound as ``object_sets.soundness``
+        says: wrong shape or type, not finite, index out of range, zero-area triangle, open or non-manifold edge,
+        inconsistent or inward winding.
         """
-        checked = [checked_mesh(vertices, faces, index) for index, (vertices, faces) in enumerate(meshes)]
-        if not checked:
-            raise MeshError("MeshTable needs at least one mesh, got none")
-        vertices, faces, owner = merge_vertices(checked)
-        corners = vertices[faces]
-        neighbours = require_closed(corners, faces, owner, len(checked))
-        offsets = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=len(checked)))]).astype(
-            np.int64
-        )
+        pairs = list(meshes)
+        if not pairs:
+            raise MeshError("MeshTable", "needs at least one mesh, got none", "name an object")
+        called = names if names is not None else [f"mesh {index}" for index in range(len(pairs))]
+        checked = [surface(*pair, name) for pair, name in zip(pairs, called, strict=True)]
+        offsets = np.cumsum([0, *(len(item.faces) for item in checked)], dtype=np.int64)
+        starts = np.cumsum([0, *(len(item.vertices) for item in checked)])
+        corners = np.concatenate([item.vertices[item.faces] for item in checked])
+        neighbours = np.concatenate([item.neighbours + start for item, start in zip(checked, offsets)])
+        faces = np.concatenate([item.faces + start for item, start in zip(checked, starts)])
         return cls(corners, offsets, neighbours, faces)
 
     def __len__(self) -> int:

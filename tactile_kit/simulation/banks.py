@@ -150,7 +150,7 @@ def _known(finder: Finder, choice: Sequence[Object]) -> Object | None:
             return thing
         if not _refusal(path).exists():
             return None
-    raise GraspError(_refused(finder, choice))
+    raise GraspError(_refused(finder, choice), choice[0].name)
 
 
 def _found(finder: Finder, choices: Sequence[Sequence[Object]], missing: list[int], num_workers: int) -> Any:
@@ -182,7 +182,7 @@ def settle(finder: Finder, choice: Sequence[Object]) -> Object:
             write_atomic(_refusal(path), json_bytes({"refused": str(error)}))
             continue
         return thing
-    raise GraspError(_refused(finder, choice))
+    raise GraspError(_refused(finder, choice), choice[0].name)
 
 
 def _refusal(path: Path) -> Path:

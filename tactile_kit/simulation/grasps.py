@@ -41,7 +41,14 @@ ALL = np.ones(kinematics.FINGERS, bool)
 
 
 class GraspError(ValueError):
-    """An object can't be held: too few grasps were found."""
+    """An object can't be held: too few grasps were found of the one named ``thing``."""
+
+    def __init__(self, message: str, thing: str = "") -> None:
+        super().__init__(message)
+        self.thing = thing
+
+    def __reduce__(self) -> tuple:
+        return type(self), (self.args[0], self.thing)
 
 
 def opened(offset: Array | float) -> Array:
@@ -145,7 +152,8 @@ def too_few(thing: Object, found: int, count: int, tries: int) -> GraspError:
     """What to raise for an object that can't be held."""
     return GraspError(
         f"{thing.name} with extents {np.round(thing.extents * 1000, 1)} mm: {found} of {count} grasps held in "
-        f"{tries} tries"
+        f"{tries} tries",
+        thing.name,
     )
 
 

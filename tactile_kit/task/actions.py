@@ -12,6 +12,22 @@ from tactile_kit.task.config import TaskConfig
 LEAD = 0.5  # rad by which an increment of 1 puts the target ahead of the filtered command
 
 
+class ActionError(ValueError):
+    """An action that no environment can play; the message says what was given and what is allowed."""
+
+
+def checked(actions: object, shape: tuple[int, ...], finite: bool) -> NDArray:
+    """Actions as an array of ``shape``, and with ``finite`` without NaN and infinities. Raises :class:`ActionError`."""
+    array = np.asarray(actions)
+    if array.dtype.kind not in "fiu" or array.shape != shape:
+        raise ActionError(
+            f"action of {array.dtype}, shape {array.shape}: allowed are numbers of shape {shape}"
+        )
+    if finite and not np.isfinite(array).all():
+        raise ActionError(f"action {array}: allowed are finite numbers, which are clipped to [-1, 1]")
+    return array
+
+
 def measured(z: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The last joint angles and filtered commands, ``(E, 12)`` rad each, of measurements ``(E, 144)``."""
     last = z.reshape(len(z), -1, 2, JOINTS)[:, -1].astype(np.float64)

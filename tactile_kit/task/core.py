@@ -30,7 +30,8 @@ class Core:
             )
         self.variants = variants or prepare(config)
         self.meshes = MeshTable.from_meshes(
-            [(thing.vertices, thing.faces) for thing in self.variants.objects]
+            [(thing.vertices, thing.faces) for thing in self.variants.objects],
+            [f"object {thing.name!r}" for thing in self.variants.objects],
         )
         self.encoding = encoding(config.encoding, self.meshes)
         self.layout = layout_of(self.encoding, pose=config.pose_in_observation, sigma=sigma)

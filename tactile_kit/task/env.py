@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import randomization
 from tactile_kit.hand.kinematics import JOINTS
 from tactile_kit.simulation.simulator import Status
-from tactile_kit.task.actions import for_simulator
+from tactile_kit.task.actions import checked, for_simulator
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
 from tactile_kit.task.goals import EpisodeSpec, training_episodes
@@ -76,9 +76,9 @@ class ReorientEnv(gymnasium.Env):
         return self._observe(), {"episode_spec": spec, "randomization": self.simulator.physics}
 
     def step(self, action: NDArray) -> tuple[NDArray, float, bool, bool, dict[str, Any]]:
-        """Play one action; 0.1 s."""
+        """Play one action; 0.1 s. Raises ``ActionError`` where it has another shape, or is not finite."""
         R_before, x_before = self._R.copy(), self._x.copy()
-        action = np.asarray(action, dtype=np.float64)
+        action = checked(action, (JOINTS,), finite=True).astype(np.float64)
         status = self.simulator.step(for_simulator(self.config, action[None], self._z[None])[0])
         self._read()
         terminated = status in (Status.DROP, Status.FAULT)
@@ -101,6 +101,15 @@ class ReorientEnv(gymnasium.Env):
         from tactile_kit.simulation.camera import picture
 
         return picture(self.simulator.world.bullet)
+
+    def __reduce__(self) -> tuple:
+        """Copies and pickles are new environments, so only one that has not been reset can be copied or pickled."""
+        if self._episodes is not None:
+            raise TypeError(
+                "an environment that has been reset can't be copied or pickled: its physics are Bullet's; make "
+                "another, and play the episode again by reset(options={'episode': env.spec_now})"
+            )
+        return type(self), (self.config, self.render_mode)
 
     def close(self) -> None:
         """Disconnect from Bullet."""

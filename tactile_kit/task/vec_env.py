@@ -19,7 +19,7 @@ import randomization
 from tactile_kit.hand.kinematics import JOINTS
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.simulation.vector import VectorSimulation
-from tactile_kit.task.actions import for_simulator
+from tactile_kit.task.actions import checked, for_simulator
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
 from tactile_kit.task.goals import EpisodeSpec, draw_goal, training_episodes
@@ -279,7 +279,11 @@ class ReorientVecEnv(VecEnv):
         return self._observe()
 
     def step_async(self, actions: Array) -> None:
-        """Send actions ``(E, 12)`` in [-1, 1] to the workers."""
+        """Send actions ``(E, 12)`` in [-1, 1] to the workers; raises ``ActionError`` where they have another shape.
+
+        Where one is not finite, that environment's episode ends as a fault (``infos[i]["fault"]``), the others go on.
+        """
+        actions = checked(actions, (self.num_envs, JOINTS), finite=False)
         self.simulation.views["action"][:] = for_simulator(self.config, actions, self.state.z)
         self.simulation.step_async()
 
@@ -378,16 +382,38 @@ class ReorientVecEnv(VecEnv):
         return [False] * len(list(self._get_indices(indices)))
 
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
-        """Changes nothing: episodes follow from the constructor's seed, and SB3 calls this with the learner's."""
+        """From the next ``reset`` on, training episodes follow from ``seed``; a list of episodes stays as it is.
+
+        SB3's learners call this with theirs. With None nothing changes.
+        """
+        if seed is not None and self._listed is None:
+            self.seed_value, self._drawn = seed, np.zeros(self.num_envs, np.int64)
+            self._sources = self._training_sources()
+            self._announce()
         return [self.seed_value] * self.num_envs
+
+    def __reduce__(self) -> tuple:
+        """Not supported, and said so: pickle and deepcopy end here."""
+        raise TypeError(
+            f"{type(self).__name__} can't be copied or pickled: its physics live in worker processes; make another "
+            "from its config and seed_value, and hand on get_state()"
+        )
 
 
 def make_vec(config: TaskConfig | None = None, **settings: Any) -> ReorientVecEnv:
     """The batched environment from a task or from single settings of one.
 
     ``num_envs``, ``num_workers``, ``seed`` and ``episodes`` go to :class:`ReorientVecEnv`, everything else to
-    :class:`TaskConfig`.
+    :class:`TaskConfig`. ``render_mode`` may be given as None, as other makers take it.
+
+    Raises:
+        ValueError: another ``render_mode``: the batch has no pictures, the single environment has.
     """
+    if (mode := settings.pop("render_mode", None)) is not None:
+        raise ValueError(
+            f"render_mode = {mode!r}: allowed is None; a single environment draws: "
+            "gymnasium.make('tactile_kit/Reorient-v0', render_mode='rgb_array')"
+        )
     own = {
         name: settings.pop(name)
         for name in ("num_envs", "num_workers", "seed", "episodes")

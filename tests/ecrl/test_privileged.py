@@ -26,7 +26,9 @@ def envs():
     for sees in (False, True):
         ecrl = ECRLConfig(rollout=4, reuse=1, kept=1, rho_start=0.0, critic_sees_truth=sees)
         made.append(
-            TactileVecEnv(TASK, num_envs=3, num_workers=0, seed=5, variants=variants, estimator=TINY, ecrl=ecrl)
+            TactileVecEnv(
+                TASK, num_envs=3, num_workers=0, seed=5, variants=variants, estimator=TINY, ecrl=ecrl
+            )
         )
     yield made
     for env in made:
@@ -52,7 +54,9 @@ def test_truth_stands_behind_the_agents_own_terms(envs) -> None:
         for i in np.flatnonzero(other[2]):
             ended = other[3][i]["terminal_observation"]
             np.testing.assert_array_equal(ended[:size], one[3][i]["terminal_observation"])
-            assert np.abs(ended[size + 6 : size + 9] - state.x[i]).max() > 1e-4  # of the end, not of the next start
+            assert (
+                np.abs(ended[size + 6 : size + 9] - state.x[i]).max() > 1e-4
+            )  # of the end, not of the next start
         before = state.x.copy()
     for own, whole in pairs:
         np.testing.assert_array_equal(own, whole[:, :size])

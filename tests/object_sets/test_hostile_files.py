@@ -196,8 +196,16 @@ def test_materials_are_never_read(tmp_path):
     ("name", "content", "defect"),
     [
         ("empty.stl", b"", "no triangles"),
-        ("header.stl", bytes(80) + struct.pack("<I", 2**32 - 1), "no triangles"),
-        ("cut.stl", trimesh.creation.box((1, 1, 1)).export(file_type="stl")[:300], "no triangles"),
+        (
+            "header.stl",
+            bytes(80) + struct.pack("<I", 2**32 - 1),
+            "announces 4294967295 triangles and holds 0",
+        ),
+        (
+            "cut.stl",
+            trimesh.creation.box((1, 1, 1)).export(file_type="stl")[:300],
+            "12 triangles and holds 4",
+        ),
         (
             "claims.ply",
             b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty double x\n"

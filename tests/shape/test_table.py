@@ -39,13 +39,17 @@ def test_refuses_one_flipped_triangle() -> None:
     refused(BOX.vertices, faces, "inconsistent winding")
 
 
-def test_refuses_two_boxes_sharing_an_edge() -> None:
+def test_two_boxes_along_an_edge() -> None:
+    """With indices of their own each is closed, and distances are those of the nearer one; with common ones refused."""
     other = BOX.copy().apply_translation((0.05, 0.06, 0))
-    refused(
-        np.concatenate([BOX.vertices, other.vertices]),
-        np.concatenate([BOX.faces, other.faces + 8]),
-        "more than two",
-    )
+    both = (np.concatenate([BOX.vertices, other.vertices]), np.concatenate([BOX.faces, other.faces + 8]))
+    x, R = random_poses(np.random.default_rng(14), 20)
+    rows = torch.zeros(20, dtype=torch.int64)
+    found = bps_vectors(MeshTable.from_meshes([both]), x, R, rows).norm(dim=-1)
+    alone = [bps_vectors(table_of(mesh), x, R, rows).norm(dim=-1) for mesh in (BOX, other)]
+    assert torch.allclose(found, torch.minimum(*alone), atol=1e-12)
+    places, index = np.unique(both[0], axis=0, return_inverse=True)
+    refused(places, index.reshape(-1)[both[1]], "more than two")
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])

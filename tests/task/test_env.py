@@ -13,6 +13,7 @@ from stable_baselines3.common.env_checker import check_env as sb3_check
 
 import tactile_kit
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE
+from tactile_kit.task.actions import ActionError
 from tactile_kit.task.env import ReorientEnv
 from tactile_kit.task.goals import EpisodeSpec
 from tactile_kit.task.rotations import exp, from_6d, geodesic
@@ -125,12 +126,10 @@ def test_a_drop_terminates(variants) -> None:
     env.close()
 
 
-def test_an_action_that_is_no_number_terminates_with_a_fault(env) -> None:
+def test_an_action_that_is_no_number_is_an_error(env) -> None:
     env.reset(seed=0)
-    observation, reward, terminated, truncated, info = env.unwrapped.step(np.full(12, np.nan))
-    assert terminated and not truncated and not info["success"] and "not finite" in info["fault"]
-    assert np.isfinite(observation).all() and np.isfinite(reward)
-    env.reset(seed=0)
+    with pytest.raises(ActionError, match="finite"):
+        env.unwrapped.step(np.full(12, np.nan))
     assert env.step(hold(env))[4]["fault"] is None
 
 
