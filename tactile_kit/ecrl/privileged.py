@@ -31,21 +31,24 @@ class Truth:
     def __init__(self, env: ReorientVecEnv) -> None:
         self.env = env
         self._x, self._R = env.state.x.copy(), env.state.R.copy()
+        self._q = np.zeros_like(env.simulation.views["q"])
 
     def step(self, x_before: NDArray, R_before: NDArray) -> None:
         """Poses ``(E, 3)``, ``(E, 3, 3)`` before the step that ``env.state`` is the outcome of."""
         self._x, self._R = np.array(x_before), np.array(R_before)
+        self._q[:] = self.env.simulation.views["q"]
 
     def begin(self, mask: NDArray[np.bool_]) -> None:
         """New episodes in ``mask (E,)``: nothing has moved yet."""
         state = self.env.state
         self._x[mask], self._R[mask] = state.x[mask], state.R[mask]
+        self._q[mask] = self.env.simulation.views["q0"][mask]
 
     def __call__(self) -> NDArray[np.float32]:
         """``(E, WIDTH)``, lengths in m, rotations in 6-D form."""
         state = self.env.state
         x, R = (torch.as_tensor(part, dtype=torch.float32) for part in (state.x, state.R))
-        points = torch.from_numpy(spheres(self.env.simulation.views["q"]))
+        points = torch.from_numpy(spheres(self._q))
         vectors = surface_vectors(self.env.meshes, x, R, points, torch.as_tensor(state.variant))
         clearance = torch.linalg.vector_norm(vectors, dim=-1) - RADII
         turned = state.R @ np.swapaxes(self._R, 1, 2)

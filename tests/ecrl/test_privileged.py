@@ -65,7 +65,7 @@ def test_truth_stands_behind_the_agents_own_terms(envs) -> None:
 def test_clearances_are_those_of_the_true_fingers(envs) -> None:
     _, seeing = envs
     seen = seeing.reset()[0, -len(RADII) :]
-    tips = kinematics.tip_centres(seeing.simulation.views["q"][0])
+    tips = kinematics.tip_centres(seeing.simulation.views["q0"][0])
     state = seeing.state
     local = (tips - state.x[0]) @ state.R[0]
     half = seeing.variants.objects[int(state.variant[0])].extents / 2
