@@ -35,7 +35,7 @@ class Truth:
 
     def step(self, x_before: NDArray, R_before: NDArray) -> None:
         """Poses ``(E, 3)``, ``(E, 3, 3)`` before the step that ``env.state`` is the outcome of."""
-        self._x, self._R = np.array(x_before), np.array(R_before)
+        self._x[:], self._R[:] = x_before, R_before
         self._q[:] = self.env.simulation.views["q"]
 
     def begin(self, mask: NDArray[np.bool_]) -> None:
