@@ -18,8 +18,8 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 
 from tactile_kit.agents.config import NetworkConfig
+from tactile_kit.agents.trunk import ACTIVATIONS, Perceptron
 
-ACTIVATIONS: dict[str, type[nn.Module]] = {"elu": nn.ELU, "relu": nn.ReLU, "silu": nn.SiLU}
 CLIP = 5.0  # standard deviations, rl_games' clip of normalised observations
 LOG_STD_MIN, LOG_STD_MAX = -5.0, 1.0  # of the squashed policy; beyond +1 the squashed Gaussian is bimodal
 
@@ -122,12 +122,12 @@ class RunningNorm(nn.Module):
     @torch.no_grad()
     def update(self, observations: Tensor) -> None:
         """Take in a batch ``(B, D)`` (Chan et al.'s parallel update)."""
-        batch = observations.to(torch.float64)
-        variance, mean = torch.var_mean(batch, dim=0, correction=0)
+        mean, variance = _moments(observations)
         if self.pooled is not None:
-            block = batch[:, self.pooled]
-            variance[self.pooled], mean[self.pooled] = torch.var_mean(block, correction=0)
-        count = float(len(batch))
+            own = mean[self.pooled]
+            variance[self.pooled] = variance[self.pooled].mean() + own.var(correction=0)
+            mean[self.pooled] = own.mean()
+        count = float(len(observations))
         total = self.count + count
         delta = mean - self.mean
         before = torch.where(self.count > 0, self.variance, torch.zeros_like(self.variance)) * self.count
@@ -145,6 +145,14 @@ class RunningNorm(nn.Module):
 
     def forward(self, observations: Tensor) -> Tensor:
         return torch.addcmul(self.shift, observations, self.scale).clamp_(-CLIP, CLIP)
+
+
+def _moments(observations: Tensor) -> tuple[Tensor, Tensor]:
+    """Mean and variance ``(D,) float64`` of a batch ``(B, D)``, in parts that stay in the cache."""
+    parts = observations.split(512)
+    mean = sum(part.sum(0, dtype=torch.float64) for part in parts) / len(observations)
+    squares = sum((part - mean).square_().sum(0) for part in parts)
+    return mean, squares / len(observations)  # type: ignore[return-value]
 
 
 class ObservationFeatures(BaseFeaturesExtractor):
@@ -181,34 +189,6 @@ class ObservationFeatures(BaseFeaturesExtractor):
 
     def forward(self, observations: Tensor) -> Tensor:
         return self.embed(self.norm(observations))
-
-
-class Perceptron(nn.Module):
-    """Hidden layers ``(B, F) -> (B, hidden[-1])``; ``dense`` concatenates the input to every layer's input (D2RL)."""
-
-    def __init__(self, inputs: int, config: NetworkConfig) -> None:
-        super().__init__()
-        self.dense = config.dense
-        self.activation = ACTIVATIONS[config.activation]()
-        widths = [0, *config.hidden]
-        self.layers = nn.ModuleList(
-            nn.Linear(before + (inputs if index == 0 or config.dense else 0), after)
-            for index, (before, after) in enumerate(pairwise(widths))
-        )
-        norms = [nn.LayerNorm(width) for width in config.hidden] if config.layer_norm else []
-        self.norms = nn.ModuleList(norms)
-        self.size = config.hidden[-1]
-
-    def forward(self, features: Tensor) -> Tensor:
-        hidden = features
-        for index, layer in enumerate(self.layers):
-            if self.dense and index:
-                hidden = torch.cat([hidden, features], dim=1)
-            hidden = layer(hidden)
-            if len(self.norms):
-                hidden = self.norms[index](hidden)
-            hidden = self.activation(hidden)
-        return hidden
 
 
 class GaussianPolicy(nn.Module):
@@ -257,9 +237,9 @@ class GaussianPolicy(nn.Module):
     def moments(self, features: Tensor) -> tuple[Tensor, Tensor]:
         """Mean ``(B, A)`` and log sigma ``(B, A)`` or ``(A,)``, before squashing, float32."""
         latent = self.trunk(features)
-        mean = self.mean(latent).float()
         if self.squashed:
-            return mean, self.log_std(latent).float().clamp(LOG_STD_MIN, LOG_STD_MAX)
+            return self.mean(latent).float(), self.log_std(latent).float().clamp(LOG_STD_MIN, LOG_STD_MAX)
+        mean = _in_float32(self.mean, latent)
         return (torch.tanh(mean) if self.bounded else mean), self.log_std  # type: ignore[return-value]
 
     def squashed_sample(self, features: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
@@ -295,7 +275,13 @@ class ValueNetwork(nn.Module):
         return self.embed(self.features(observations))
 
     def embed(self, features: Tensor) -> Tensor:
-        return self.head(self.trunk(features)).float()
+        return _in_float32(self.head, self.trunk(features))
+
+
+def _in_float32(head: nn.Linear, latent: Tensor) -> Tensor:
+    """PPO's small last layers: a mean's last bits count where sigma is small, a value's beside a step's reward."""
+    with torch.autocast("cpu", enabled=False):
+        return head(latent.float())
 
 
 class CriticEnsemble(nn.Module):

@@ -83,7 +83,10 @@ class HandActorCriticPolicy(ActorCriticPolicy):
 
     def moments_and_values(self, obs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Mean ``(B, A)``, log sigma ``(A,)`` and value ``(B,)``, normalising once."""
-        normalised = self.norm(obs)
+        return self.heads(self.norm(obs))
+
+    def heads(self, normalised: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """:meth:`moments_and_values` of observations that are normalised already."""
         mean, log_std = self.actor.moments(self.actor.features.embed(normalised))
         return mean, log_std, self.critic.embed(self.critic.features.embed(normalised)).squeeze(1)
 

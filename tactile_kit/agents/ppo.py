@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import stable_baselines3
 import torch
-from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
@@ -26,6 +26,8 @@ from tactile_kit.agents.config import PPOConfig
 from tactile_kit.agents.imitation import Examples, distance, imitate
 from tactile_kit.agents.networks import InputLayout
 from tactile_kit.agents.policies import HandActorCriticPolicy
+from tactile_kit.agents.rollout import Experience, Rollout
+from tactile_kit.agents.shards import Shards
 from tactile_kit.agents.state import (
     Means,
     Tensors,
@@ -64,6 +66,27 @@ def adapted_rate(rate: float, divergence: float, threshold: float, bounds: tuple
     return rate
 
 
+class Aims(NamedTuple):
+    """What all minibatches of one update have in common."""
+
+    leads: bool  # the actor follows the returns
+    taught: bool  # the actor follows its teacher
+    cloning: float  # weight of the distance from demonstrated actions
+    log_std: torch.Tensor  # (A,) of the policy that collected
+
+
+class Minibatch(NamedTuple):
+    """One gradient step's transitions ``rows (M,)``, the statistics of their advantages, and demonstrations beside."""
+
+    rows: torch.Tensor
+    center: torch.Tensor
+    spread: torch.Tensor
+    examples: tuple[torch.Tensor, torch.Tensor] | None
+
+
+Share = tuple[list[torch.Tensor | None], dict[str, torch.Tensor]]  # gradients, and what is reported
+
+
 class PPO(stable_baselines3.PPO):
     """Proximal policy optimisation on a reorientation vector environment.
 
@@ -72,10 +95,13 @@ class PPO(stable_baselines3.PPO):
         config: settings.
         seed: names every random stream of the learner; no global generator is read.
         rest: ``(A,)`` action an untrained policy takes on average.
+        threads: in how many parts environments and minibatches are worked on at a time; results depend on it as on
+            any order of sums.
     """
 
     algorithm = "ppo"
     policy: HandActorCriticPolicy  # type: ignore[assignment]
+    rollout_buffer: Rollout
 
     def __init__(
         self,
@@ -84,8 +110,10 @@ class PPO(stable_baselines3.PPO):
         *,
         seed: int = 0,
         rest: tuple[float, ...] | None = None,
+        threads: int = 1,
     ) -> None:
         self.config = config = config or PPOConfig()
+        self.shards = Shards(threads)
         transitions = config.rollout * env.num_envs
         if transitions < config.minibatch and transitions % 2:
             raise ValueError(f"a roll-out of {transitions} transitions is too small for PPO")
@@ -103,8 +131,6 @@ class PPO(stable_baselines3.PPO):
             1.0 - config.noise_correlation**2
         ) ** 0.5  # share of an action's sigma that is not left over
         self._wander = torch.zeros(env.num_envs, env.action_space.shape[0])  # type: ignore[index]
-        self._left_over = torch.zeros(config.rollout, *self._wander.shape)
-        self._shown = torch.zeros_like(self._left_over)  # the teacher's actions
         policy: dict[str, Any] = {
             "layout": layout,
             "critic_layout": everything,
@@ -131,6 +157,8 @@ class PPO(stable_baselines3.PPO):
                 ent_coef=config.entropy,
                 vf_coef=config.critic_coefficient,
                 max_grad_norm=config.max_gradient_norm,
+                rollout_buffer_class=Rollout,
+                rollout_buffer_kwargs={"precision": torch.bfloat16 if config.bfloat16 else torch.float32},
                 policy_kwargs=policy,
                 device="cpu",
             )
@@ -141,32 +169,34 @@ class PPO(stable_baselines3.PPO):
 
     # ---- collecting --------------------------------------------------------------------------------------------------
     def collect_rollouts(  # type: ignore[override]
-        self, env: VecEnv, callback: BaseCallback, rollout_buffer: RolloutBuffer, n_rollout_steps: int
+        self, env: VecEnv, callback: BaseCallback, rollout_buffer: Rollout, n_rollout_steps: int
     ) -> bool:
         """Fill the roll-out buffer; episodes ended by time count the value of what they did not see."""
         assert self._last_obs is not None
         callback.on_rollout_start()
-        rollout_buffer.reset()
+        buffer = rollout_buffer
+        buffer.reset()
         self._calm()
+        log_std = self.policy.actor.log_std.detach().clone()
         dones = self._last_episode_starts
         for step in range(n_rollout_steps):
-            observations = np.array(self._last_obs, dtype=np.float32)  # the environment may reuse its buffers
-            with torch.no_grad():
-                mean, log_std, values = self.policy.moments_and_values(torch.from_numpy(observations))
-                if self.taught:
-                    self._shown[step] = shown = self.teacher.actions()  # type: ignore[union-attr]
-                    mean = torch.where(led(self._lessons(), env.num_envs)[:, None], shown, mean)
-                left = self._left_over[step] = self.config.noise_correlation * self._wander
-                fresh = self._new * log_std.exp() * torch.randn(mean.shape, generator=self.noise)
-                actions = mean + left + fresh
-                density = gaussian_log_density(actions, mean + left, log_std + math.log(self._new))
-                self._wander = left + fresh
+            buffer.observations[step] = self._last_obs  # a copy: the environment may reuse its buffers
+            values = self._look(step)
+            mean = buffer.means[step]
+            left = buffer.left_over[step] = self.config.noise_correlation * self._wander
+            fresh = self._new * log_std.exp() * torch.randn(mean.shape, generator=self.noise)
+            density = gaussian_log_density(mean + left + fresh, mean + left, log_std + math.log(self._new))
+            if self.taught:
+                buffer.shown[step] = shown = self.teacher.actions()  # type: ignore[union-attr]
+                mean = torch.where(led(self._lessons(), env.num_envs)[:, None], shown, mean)
+            actions = mean + left + fresh
+            self._wander = left + fresh
             new_obs, rewards, dones, infos = env.step(actions.clamp(-1.0, 1.0).numpy())
             self.num_timesteps += env.num_envs
-            self._update_info_buffer(infos, dones)
+            ended = np.flatnonzero(dones)
+            self._update_info_buffer([infos[i] for i in ended], dones[ended])
             rewards = self._bootstrap(np.array(rewards, dtype=np.float32), infos, dones)
-            starts = self._last_episode_starts
-            rollout_buffer.add(observations, actions.numpy(), rewards, starts, values, density)  # type: ignore[arg-type]
+            buffer.put(actions, rewards, self._last_episode_starts, values, density)  # type: ignore[arg-type]
             self._wander[torch.from_numpy(np.asarray(dones, dtype=bool))] = 0.0
             self._last_obs, self._last_episode_starts = new_obs, dones  # type: ignore[assignment]
             callback.update_locals(locals())
@@ -174,9 +204,27 @@ class PPO(stable_baselines3.PPO):
                 return False
         with torch.no_grad():
             last = self.policy.predict_values(torch.from_numpy(np.array(self._last_obs, dtype=np.float32)))
-        rollout_buffer.compute_returns_and_advantage(last_values=last, dones=dones)  # type: ignore[arg-type]
+        buffer.compute_returns_and_advantage(last_values=last, dones=dones)  # type: ignore[arg-type]
         callback.on_rollout_end()
         return True
+
+    def _look(self, step: int) -> torch.Tensor:
+        """Inputs and means of a step's observations to the buffer; returns values ``(E,)``.
+
+        In the update's own precision, so that the update need not look again: else rounding alone would pass for
+        divergence, the more the smaller sigma is.
+        """
+        buffer = self.rollout_buffer
+        observations = torch.from_numpy(buffer.observations[step])
+
+        def look(part: slice) -> torch.Tensor:
+            with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, enabled=self.config.bfloat16):
+                inputs = buffer.inputs[step, part]
+                inputs.copy_(self.policy.norm(observations[part]))
+                buffer.means[step, part], _, values = self.policy.heads(inputs)
+                return values
+
+        return torch.cat(self.shards.run(look, len(observations)))
 
     def _bootstrap(self, rewards: np.ndarray, infos: list[dict], dones: np.ndarray) -> np.ndarray:
         cut = [i for i in np.flatnonzero(dones) if infos[i].get("TimeLimit.truncated", False)]
@@ -201,77 +249,84 @@ class PPO(stable_baselines3.PPO):
     # ---- learning ----------------------------------------------------------------------------------------------------
     def train(self) -> None:
         """Epochs of minibatch updates on the roll-out, then the normaliser takes in its observations."""
-        config, buffer = self.config, self.rollout_buffer
-        observations = _flat(buffer.observations)
-        actions, advantages = _flat(buffer.actions), _flat(buffer.advantages)
-        returns, left_over, narrower = (
-            _flat(buffer.returns),
-            self._left_over.flatten(0, 1),
-            math.log(self._new),
-        )
-        inputs = self.policy.norm(observations)  # frozen during the update: once is enough
-        actor, critic, optimizer = self.policy.actor, self.policy.critic, self.policy.optimizer
-        # in the update's own precision: else rounding alone would pass for divergence, the more the smaller sigma is
-        with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, enabled=config.bfloat16):
-            old_log_std = actor.log_std.clone()
-            old_means = torch.cat(
-                [actor.moments(actor.features.embed(part))[0] for part in inputs.split(2**14)]
-            )
-            densities = gaussian_log_density(actions, old_means + left_over, old_log_std + narrower)
-        taught, shown = self.taught, self._shown.flatten(0, 1)
-        batches = max(len(inputs) // (min(self.batch_size, MINIBATCH) if taught else self.batch_size), 1)
-        cloning, leads = (
-            self._cloning(),
-            not taught and self.num_timesteps > config.fixed_steps + config.critic_steps,
-        )
-        for _ in range(config.epochs):
-            for chosen in np.array_split(self.order.permutation(len(inputs)), batches):
-                at = torch.from_numpy(chosen)
-                batch = inputs[at]
-                with torch.autocast("cpu", torch.bfloat16, enabled=config.bfloat16):
-                    mean, log_std = actor.moments(actor.features.embed(batch))
-                    value = critic.embed(critic.features.embed(batch)).squeeze(1)
-                advantage = advantages[at]
-                advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
-                density = gaussian_log_density(actions[at], mean + left_over[at], log_std + narrower)
-                ratio = (density - densities[at]).exp()
-                clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
-                policy_loss = -torch.min(advantage * ratio, advantage * clipped).mean()
-                value_loss = (value - returns[at]).square().mean()
-                entropy = (log_std + 0.5 + _HALF_LOG_2PI).sum()
-                loss = config.critic_coefficient * value_loss
-                if leads:
-                    loss = loss + policy_loss - config.entropy * entropy
-                if taught:
-                    apart = gaussian_divergence(mean, old_log_std, shown[at], old_log_std)
-                    loss = loss + apart
-                    self._means.add(teacher_divergence=apart)
-                if leads and cloning > 0 and self.examples is not None:
-                    apart = distance(actor, *self.examples.batch(CLONED), config.bfloat16)
-                    loss = loss + cloning * apart
-                    self._means.add(clone_distance=apart)
-                optimizer.zero_grad()
-                loss.backward()
-                for group in optimizer.param_groups:
-                    torch.nn.utils.clip_grad_norm_(group["params"], config.max_gradient_norm)
-                with torch.no_grad():
-                    divergence = gaussian_divergence(
-                        mean, log_std + narrower, old_means[at], old_log_std + narrower
-                    )
-                if leads:
-                    self.rate = adapted_rate(
-                        self.rate, float(divergence), config.kl_threshold, config.learning_rate_bounds
-                    )
-                optimizer.param_groups[0]["lr"] = learning_rate(self._lessons()) if taught else self.rate
-                optimizer.step()
-                self._n_updates += 1
-                fraction = ((ratio - 1.0).abs() > config.clip).float().mean()
-                self._means.add(
-                    policy_loss=policy_loss, value_loss=value_loss, divergence=divergence, clipped=fraction
+        experience, aims = self.rollout_buffer.experience(), self._aims()
+        count = len(experience.actions)
+        batches = max(count // (min(self.batch_size, MINIBATCH) if aims.taught else self.batch_size), 1)
+        for _ in range(self.config.epochs):
+            for chosen in np.array_split(self.order.permutation(count), batches):
+                self._gradient_step(
+                    experience, self._minibatch(experience, torch.from_numpy(chosen), aims), aims
                 )
-        explained = 1.0 - (returns - _flat(buffer.values)).var() / returns.var().clamp_min(1e-12)
-        self._means.add(explained_variance=explained, sigma=actor.log_std.exp().mean(), value=returns.mean())
-        self.policy.norm.update(observations)
+        returns = experience.returns
+        explained = 1.0 - (returns - experience.values).var() / returns.var().clamp_min(1e-12)
+        sigma = self.policy.actor.log_std.exp().mean()
+        self._means.add(explained_variance=explained, sigma=sigma, value=returns.mean())
+        self.policy.norm.update(torch.from_numpy(self.rollout_buffer.observations).flatten(0, 1))
+
+    def _aims(self) -> Aims:
+        rested = self.config.fixed_steps + self.config.critic_steps
+        leads = not self.taught and self.num_timesteps > rested
+        cloning = self._cloning() if leads else 0.0
+        return Aims(leads, self.taught, cloning, self.policy.actor.log_std.detach().clone())
+
+    def _minibatch(self, experience: Experience, rows: torch.Tensor, aims: Aims) -> Minibatch:
+        advantages = experience.advantages[rows]
+        examples = self.examples.batch(CLONED) if aims.cloning > 0 and self.examples is not None else None
+        return Minibatch(rows, advantages.mean(), advantages.std() + 1e-8, examples)
+
+    def _gradient_step(self, experience: Experience, batch: Minibatch, aims: Aims) -> None:
+        optimizer = self.policy.optimizer
+        shares = self.shards.run(partial(self._share, experience, batch, aims), len(batch.rows))
+        for parameter, *gradients in zip(self._parameters(), *(share[0] for share in shares), strict=True):
+            known = [gradient for gradient in gradients if gradient is not None]
+            parameter.grad = sum(known[1:], known[0]) if known else None
+        means = {name: sum(share[1][name] for share in shares) for name in shares[0][1]}
+        for group in optimizer.param_groups:
+            torch.nn.utils.clip_grad_norm_(group["params"], self.config.max_gradient_norm)
+        if aims.leads:
+            divergence, bounds = float(means["divergence"]), self.config.learning_rate_bounds
+            self.rate = adapted_rate(self.rate, divergence, self.config.kl_threshold, bounds)
+        optimizer.param_groups[0]["lr"] = learning_rate(self._lessons()) if aims.taught else self.rate
+        optimizer.step()
+        self._n_updates += 1
+        self._means.add(**means)  # type: ignore[arg-type]
+
+    def _parameters(self) -> list[torch.Tensor]:
+        return [parameter for group in self.policy.optimizer.param_groups for parameter in group["params"]]
+
+    def _share(self, experience: Experience, batch: Minibatch, aims: Aims, part: slice) -> Share:
+        """Gradients and means of one part of a minibatch, in proportion to its size: all parts' sum is the whole's."""
+        config, narrower = self.config, math.log(self._new)
+        rows = batch.rows[part]
+        weight, own = len(rows) / len(batch.rows), experience.at(rows)
+        with torch.autocast("cpu", torch.bfloat16, enabled=config.bfloat16):
+            mean, log_std, value = self.policy.heads(own.inputs)
+        advantage = (own.advantages - batch.center) / batch.spread
+        density = gaussian_log_density(own.actions, mean + own.left_over, log_std + narrower)
+        ratio = (density - own.densities).exp()
+        clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
+        policy_loss = -torch.min(advantage * ratio, advantage * clipped).mean()
+        value_loss = (value - own.returns).square().mean()
+        loss = config.critic_coefficient * value_loss
+        means = {"policy_loss": policy_loss, "value_loss": value_loss}
+        if aims.leads:
+            entropy = (log_std + 0.5 + _HALF_LOG_2PI).sum()
+            loss = loss + policy_loss - config.entropy * entropy
+        if aims.taught:
+            apart = gaussian_divergence(mean, aims.log_std, own.shown, aims.log_std)
+            loss, means["teacher_divergence"] = loss + apart, apart
+        if batch.examples is not None:
+            share = self.shards.rows(CLONED)[self.shards.rows(len(batch.rows)).index(part)]
+            seen, done = (given[share] for given in batch.examples)
+            apart = distance(self.policy.actor, seen, done, config.bfloat16)
+            loss, means["clone_distance"] = loss + aims.cloning * apart, apart
+        gradients = torch.autograd.grad(weight * loss, self._parameters(), allow_unused=True)
+        with torch.no_grad():
+            means["divergence"] = gaussian_divergence(
+                mean, log_std + narrower, own.means, aims.log_std + narrower
+            )
+            means["clipped"] = ((ratio - 1.0).abs() > config.clip).float().mean()
+        return list(gradients), {name: weight * value.detach() for name, value in means.items()}
 
     def _calm(self) -> None:
         """Keep sigma down once it is time to."""
@@ -344,8 +399,3 @@ class PPO(stable_baselines3.PPO):
         if "observation" in tensors:
             self._last_obs = tensors["observation"].numpy().copy()
             self._last_episode_starts = tensors["episode_starts"].numpy().copy()
-
-
-def _flat(array: np.ndarray) -> torch.Tensor:
-    """Roll-out arrays ``(T, E, ...)`` as ``(T E, ...)`` tensors without a copy."""
-    return torch.from_numpy(array).flatten(0, 1)

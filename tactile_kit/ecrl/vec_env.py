@@ -129,6 +129,12 @@ class TactileVecEnv(ReorientVecEnv):
         seen = super()._observe()
         return seen if self._truth is None else np.concatenate([seen, self._truth()], axis=1)
 
+    def _observe_again(
+        self, observation: NDArray[np.float32], rows: NDArray[np.int64]
+    ) -> NDArray[np.float32]:
+        seen = super()._observe_again(observation[:, : self.core.layout.size], rows)
+        return seen if self._truth is None else np.concatenate([seen, self._truth()], axis=1)
+
     def _update_belief(self) -> Belief:
         state, valid = self.state, self.simulation.views["status"] != Status.FAULT
         before = self.coupling.true_pose[1]
@@ -141,14 +147,14 @@ class TactileVecEnv(ReorientVecEnv):
         return Belief(*self.coupling.pose())
 
     def _finish(
-        self, i: int, theta: float, status: Status, ended: dict[str, Any], observation: NDArray[Any]
+        self, i: int, status: Status, ended: dict[str, Any], observation: NDArray[Any]
     ) -> dict[str, Any]:
-        info = super()._finish(i, theta, status, ended, observation)
+        info = super()._finish(i, status, ended, observation)
         if self.training and not self.coupling.truth[i]:
             R_hat, state = self.coupling.state.R[i].numpy(), self.state
             believed, off = geodesic(R_hat, state.goal[i]), geodesic(R_hat, state.R[i])
             dropped = info["drop"] or status == Status.FAULT
-            self.watch.end(info["success"], dropped, theta, float(believed), float(off))
+            self.watch.end(info["success"], dropped, info["theta"], float(believed), float(off))
         return info
 
     def metrics(self) -> dict[str, float]:

@@ -39,10 +39,10 @@ class Tracker(BaseCallback):
         self._term_steps = 0
 
     def _on_step(self) -> bool:
-        for info in self.locals["infos"]:
-            if "episode" in info:
-                self.episodes += 1
-                self._add(info)
+        infos = self.locals["infos"]
+        for environment in np.flatnonzero(self.locals["dones"]).tolist():
+            self.episodes += 1
+            self._add(infos[environment])
         transition = self.locals["env"].transition
         for name, values in transition.reward_terms.items():
             self._terms[name] = self._terms.get(name, 0.0) + float(np.mean(values))

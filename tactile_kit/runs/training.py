@@ -175,7 +175,7 @@ def make_learner(config: RunConfig, env: Any) -> Any:
     if config.algorithm == "ppo":
         from tactile_kit.agents.ppo import PPO
 
-        return PPO(env, config.ppo, seed=config.seed, rest=rest)
+        return PPO(env, config.ppo, seed=config.seed, rest=rest, threads=config.threads)
     from tactile_kit.agents.sac import SAC
 
     return SAC(env, config.sac, seed=config.seed, rest=rest)

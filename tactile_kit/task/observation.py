@@ -56,6 +56,10 @@ class Belief:
     R: NDArray[np.float32]
     sigma: NDArray[np.float32] | None = None
 
+    def of(self, rows: NDArray[np.int64]) -> Belief:
+        """What is believed in the environments ``rows (N,)``."""
+        return Belief(self.x[rows], self.R[rows], None if self.sigma is None else self.sigma[rows])
+
 
 def layout_of(encoding: Encoding, *, pose: bool, sigma: bool) -> Layout:
     """Layout of the observation for an encoding; ``pose`` counts for encodings that don't carry the pose themselves."""

@@ -45,6 +45,20 @@ def reward_terms(
     ``dropped (E,)`` whether the step ended in a drop or a fault.
     """
     left_before, left = geodesic(R_before, goal), geodesic(R, goal)
+    return terms_of_angles(config, left_before, left, x_before, x, x_start, q, dropped)
+
+
+def terms_of_angles(
+    config: RewardConfig,
+    left_before: Array,
+    left: Array,
+    x_before: Array,
+    x: Array,
+    x_start: Array,
+    q: Array,
+    dropped: Array | bool = False,
+) -> dict[str, Array]:
+    """:func:`reward_terms` where the angles to the goal before and after the step, ``(E,)`` rad, are known already."""
     away = np.linalg.norm(x - x_start, axis=-1) - np.linalg.norm(x_before - x_start, axis=-1)
     terms = {
         "rotation": rotation_term(config, left_before, left),

@@ -24,7 +24,7 @@ from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
 from tactile_kit.task.goals import EpisodeSpec, draw_goal, training_episodes
 from tactile_kit.task.observation import Belief
-from tactile_kit.task.reward import reward_terms
+from tactile_kit.task.reward import terms_of_angles
 from tactile_kit.task.rotations import geodesic
 from tactile_kit.task.variants import Variants, prepare
 
@@ -145,7 +145,8 @@ class ReorientVecEnv(VecEnv):
         self._sources = self._training_sources()
         self._spec: dict[int, EpisodeSpec] = {}  # of the present episode of every environment
         self._number = np.full(num_envs, -1)  # place of the present episode in the list, -1: none
-        self._theta_min, self._return = np.zeros(num_envs), np.zeros(num_envs)
+        self._theta, self._theta_min = np.zeros(num_envs), np.zeros(num_envs)  # angles to the goal, rad
+        self._return = np.zeros(num_envs)
         self._announce()
         self.state = self._blank_state()
         self.belief = Belief(
@@ -225,19 +226,17 @@ class ReorientVecEnv(VecEnv):
 
     def _begin(self, mask: Array) -> None:
         """Take over the first states of new episodes and announce the following ones."""
-        views, state = self.simulation.views, self.state
-        for i in np.flatnonzero(mask).tolist():
+        views, state, rows = self.simulation.views, self.state, np.flatnonzero(mask)
+        for i in rows.tolist():
             self._number[i], spec = self._next[i]
             self._spec[i] = spec
             state.goal[i], state.given[i], state.variant[i] = spec.goal, spec.given, spec.variant
             self._next[i] = self._draw(i)
         for name in ("z", "x", "R"):
-            getattr(state, name)[mask] = views[name + "0"][mask]
-        state.x0[mask], state.R0[mask] = views["x0"][mask], views["R0"][mask]
-        state.elapsed[mask] = 0
-        theta = geodesic(state.R, state.goal)
-        self._theta_min = np.where(mask, theta, self._theta_min)
-        self._return = np.where(mask, 0.0, self._return)
+            getattr(state, name)[rows] = views[name + "0"][rows]
+        state.x0[rows], state.R0[rows] = views["x0"][rows], views["R0"][rows]
+        state.elapsed[rows], self._return[rows] = 0, 0.0
+        self._theta[rows] = self._theta_min[rows] = geodesic(state.R[rows], state.goal[rows])
 
     @property
     def finished(self) -> bool:
@@ -264,6 +263,14 @@ class ReorientVecEnv(VecEnv):
 
     def _observe(self) -> Array:
         return self.core.observer(self.state.z, self.state.goal, self.belief, self.state.given)
+
+    def _observe_again(self, observation: Array, rows: Array) -> Array:
+        """``observation (E, D)`` with the environments ``rows (N,)`` as they are now, in an array of its own."""
+        state, observation = self.state, observation.copy()
+        observation[rows] = self.core.observer(
+            state.z[rows], state.goal[rows], self.belief.of(rows), state.given[rows]
+        )
+        return observation
 
     # -- VecEnv -----------------------------------------------------------------------------------------------------
 
@@ -297,13 +304,13 @@ class ReorientVecEnv(VecEnv):
         status = views["status"]
         truncated = status == Status.TIME
         terminated = (status == Status.DROP) | (status == Status.FAULT)
-        terms = reward_terms(
-            self.config.reward, R_before, state.R, state.goal, x_before, state.x, state.x0, views["q"], terminated
-        )  # fmt: skip
+        theta_before, self._theta = self._theta, geodesic(state.R, state.goal)
+        terms = terms_of_angles(
+            self.config.reward, theta_before, self._theta, x_before, state.x, state.x0, views["q"], terminated
+        )
         reward = np.sum(list(terms.values()), axis=0).astype(np.float32)
         done = truncated | terminated
-        theta = geodesic(state.R, state.goal)
-        self._theta_min = np.minimum(self._theta_min, theta)
+        self._theta_min = np.minimum(self._theta_min, self._theta)
         self._return += reward
         self.belief = self._update_belief()
         observation = self._observe()
@@ -313,28 +320,28 @@ class ReorientVecEnv(VecEnv):
         )  # fmt: skip
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for i in np.flatnonzero(done).tolist():
-            infos[i] = self._finish(i, theta[i], Status(int(status[i])), ended[i], observation[i])
+            infos[i] = self._finish(i, Status(int(status[i])), ended[i], observation[i])
+        changed = done | self._change_goals(~done)
         if done.any():
             self._begin(done)
             self.belief = self._start_belief(done)
-        if self._change_goals(~done) or done.any():
-            observation = self._observe()
+        if changed.any():
+            observation = self._observe_again(observation, np.flatnonzero(changed))
         return observation, reward, done, infos
 
-    def _change_goals(self, mask: Array) -> bool:
-        """New goals where ``goal_every`` actions have passed; whether there are any."""
-        every = self.config.goal_every
-        if not every:
-            return False
-        due = np.flatnonzero(mask & (self.state.elapsed % every == 0)).tolist()
-        for i in due:
-            generator = randomization.stream(self._spec[i].seed, "goal", int(self.state.elapsed[i]))
-            self.state.goal[i] = draw_goal(self.config, generator)
-        return bool(due)
+    def _change_goals(self, mask: Array) -> Array:
+        """New goals among ``mask (E,)`` where ``goal_every`` actions have passed; returns where, ``(E,) bool``."""
+        every, state = self.config.goal_every, self.state
+        due = mask & (state.elapsed % every == 0) if every else np.zeros_like(mask)
+        rows = np.flatnonzero(due)
+        for i in rows.tolist():
+            generator = randomization.stream(self._spec[i].seed, "goal", int(state.elapsed[i]))
+            state.goal[i] = draw_goal(self.config, generator)
+        self._theta[rows] = geodesic(state.R[rows], state.goal[rows])
+        return due
 
-    def _finish(
-        self, i: int, theta: float, status: Status, ended: dict[str, Any], observation: Array
-    ) -> dict[str, Any]:
+    def _finish(self, i: int, status: Status, ended: dict[str, Any], observation: Array) -> dict[str, Any]:
+        theta = self._theta[i]
         success = bool(status == Status.TIME and theta < self.config.success_angle)
         result = EpisodeResult(
             self._spec[i], float(theta), float(self._theta_min[i]), success, status == Status.DROP, ended["fault"],

@@ -89,14 +89,24 @@ def test_sigma_is_kept_down_once_it_is_time_to(iterations: int, calm: bool) -> N
     assert learner.policy.actor.log_std.mean().item() == pytest.approx(-3.0 if calm else -0.5, abs=0.05)
 
 
-def test_rounding_does_not_pass_for_divergence() -> None:
-    """However small sigma is: the policy before an update is compared in the precision of the update."""
-    still = {"bfloat16": True, "log_std": -7.0, "learning_rate": 1e-9, "learning_rate_bounds": (1e-9, 1e-9)}
-    learner = PPO(ToyEnv(32, seed=1), PPO_TOY.model_copy(update=still), rest=(0.3,) * 12, seed=0)
+@pytest.mark.parametrize(
+    ("environments", "minibatch", "threads"), [(32, 256, 1), (33, 100, 1), (40, 1280, 2)]
+)
+def test_rounding_does_not_pass_for_divergence(environments: int, minibatch: int, threads: int) -> None:
+    """However small sigma is: a policy that stays is to the bit what collected, in batches of whatever size."""
+    still = {
+        "bfloat16": True,
+        "log_std": -7.0,
+        "learning_rate": 1e-30,
+        "learning_rate_bounds": (1e-30, 1e-30),
+    }
+    config = PPO_TOY.model_copy(update={**still, "minibatch": minibatch, "noise_correlation": 0.5})
+    learner = PPO(ToyEnv(environments, seed=1), config, rest=(0.3,) * 12, seed=0, threads=threads)
     learner.policy.actor.mean.weight.data.mul_(50.0)  # means of some size
     run(learner, 1)
     metrics = learner.metrics()
-    assert metrics["divergence"] < 1e-3 and metrics["clipped"] == 0.0
+    assert metrics["divergence"] == pytest.approx(0.0, abs=1e-9) and metrics["clipped"] == 0.0
+    assert learner.rollout_buffer.means.std() > 1e-3  # 1 sigma and more
 
 
 def test_ppos_noise_is_as_correlated_and_as_large_as_asked() -> None:
@@ -116,7 +126,7 @@ def test_ppos_noise_is_as_correlated_and_as_large_as_asked() -> None:
     ] / sigma  # after its start at zero
     assert noise.std() == pytest.approx(1.0, abs=0.03)
     assert (noise[1:] * noise[:-1]).mean() == pytest.approx(0.7, abs=0.03)
-    left = learner._left_over[40:] / sigma
+    left = buffer.left_over[40:] / sigma
     new = (noise - left) / (1 - 0.7**2) ** 0.5
     density = (-0.5 * new.square() - 0.5 * math.log(2 * math.pi) - (sigma * (1 - 0.7**2) ** 0.5).log()).sum(
         -1

@@ -84,6 +84,65 @@ def test_d2rl_against_a_loop_by_hand() -> None:
     torch.testing.assert_close(net(x), second)
 
 
+def concatenating(net: Perceptron, features: torch.Tensor) -> torch.Tensor:
+    """The obvious form: the input beside the hidden units of every layer."""
+    hidden = features
+    for index, layer in enumerate(net.layers):
+        hidden = layer(torch.cat([hidden, features], 1) if net.dense and index else hidden)
+        hidden = net.activation(net.norms[index](hidden) if len(net.norms) else hidden)
+    return hidden
+
+
+@pytest.mark.parametrize("hidden", [(9,), (9, 8), (32, 24, 16)])
+@pytest.mark.parametrize(
+    "settings", [{}, {"activation": "relu"}, {"activation": "silu", "layer_norm": True}, {"dense": False}]
+)
+def test_d2rl_equals_its_concatenating_twin(hidden: tuple[int, ...], settings: dict) -> None:
+    """Values, and gradients of weights, biases and input, in float64."""
+    torch.manual_seed(0)
+    net = Perceptron(7, NetworkConfig(hidden=hidden, **settings)).double()
+    x, weights = torch.randn(11, 7, dtype=torch.float64, requires_grad=True), torch.randn(11, hidden[-1])
+    found, wanted = net(x), concatenating(net, x)
+    torch.testing.assert_close(found, wanted)
+    wrt = [x, *net.parameters()]
+    for ours, theirs in zip(
+        torch.autograd.grad((found * weights).sum(), wrt),
+        torch.autograd.grad((wanted * weights).sum(), wrt),
+        strict=True,
+    ):
+        torch.testing.assert_close(ours, theirs)
+
+
+def test_d2rl_in_bfloat16_is_as_near_as_its_concatenating_twin() -> None:
+    torch.manual_seed(0)
+    net, x = Perceptron(50, NetworkConfig(hidden=(64, 48))), torch.randn(256, 50)
+    exact = net(x)
+    gradient = torch.randn_like(exact)
+    errors = []
+    for form in (net, lambda features: concatenating(net, features)):
+        with torch.autocast("cpu", torch.bfloat16):
+            found = form(x)
+        assert found.dtype == torch.bfloat16
+        slopes = torch.autograd.grad(found, list(net.parameters()), gradient.bfloat16())
+        right = torch.autograd.grad(exact, list(net.parameters()), gradient, retain_graph=True)
+        assert all(slope.dtype == torch.float32 for slope in slopes)
+        parts = [(slope - fine).norm() / fine.norm() for slope, fine in zip(slopes, right, strict=True)]
+        errors.append([(found - exact).norm() / exact.norm(), *parts])
+    for ours, theirs in zip(*errors, strict=True):
+        assert 0 < ours < 1.5 * theirs + 1e-3 and ours < 0.03
+
+
+@pytest.mark.parametrize("rows", [16, 100, 512])
+def test_a_row_in_bfloat16_is_the_same_in_any_batch(rows: int) -> None:
+    """PPO compares means of its roll-outs with those of its minibatches, bit for bit."""
+    torch.manual_seed(0)
+    layout = InputLayout((("joints", 144), ("goal", 6), ("shape", 192), ("pose", 9)))
+    actor = GaussianPolicy(features(layout), 12, NetworkConfig(hidden=(256, 256, 128)), squashed=False)
+    x, order = torch.randn(2048, layout.size).bfloat16(), torch.randperm(2048)[:rows]
+    with torch.no_grad(), torch.autocast("cpu", torch.bfloat16):
+        assert torch.equal(actor.moments(x)[0][order], actor.moments(x[order])[0])
+
+
 @pytest.mark.parametrize("name", sorted(ENCODINGS))
 def test_learned_shape_layer_stands_where_the_encoding_has_one(name: str) -> None:
     encoding = ENCODINGS[name]

@@ -84,3 +84,15 @@ def test_what_is_left_to_turn_is_in_the_hand_frame() -> None:
     for R in random_rotations(np.random.default_rng(0), 5):
         np.testing.assert_allclose(goal_term(quarter @ R, R), [0, 1, 0, -1, 0, 0], atol=1e-12)
         assert geodesic(quarter @ R, R) == pytest.approx(np.pi / 2)
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_some_rows_alone_are_those_of_all(variants, name: str) -> None:
+    """To the bit: only environments that begin an episode are observed a second time."""
+    core, rng = core_of(variants, name, sigma=True), np.random.default_rng(0)
+    z, goal = rng.standard_normal((9, 144)).astype(np.float32), random_rotations(rng, 9)
+    R, x = random_rotations(rng, 9).astype(np.float32), rng.normal(0, 0.01, (9, 3)).astype(np.float32)
+    belief, given = Belief(x, R, rng.random((9, 2), np.float32)), np.arange(9) % 2
+    for rows in (np.array([4]), np.array([1, 2, 8])):
+        alone = core.observer(z[rows], goal[rows], belief.of(rows), given[rows])
+        np.testing.assert_array_equal(alone, core.observer(z, goal, belief, given)[rows])
