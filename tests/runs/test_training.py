@@ -194,7 +194,7 @@ def test_killed_runs_continue_exactly(tmp_path: Path) -> None:
 @pytest.mark.timeout(3600)
 @pytest.mark.parametrize("algorithm", ["sac", "ppo"])
 def test_killed_many_times(tmp_path: Path, algorithm: str) -> None:
-    kills(tmp_path, algorithm, 30, 28_800 if algorithm == "sac" else 61_440, seed=1)
+    kills(tmp_path, algorithm, 12, 12_800 if algorithm == "sac" else 26_624, seed=1)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
