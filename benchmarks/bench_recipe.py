@@ -3,7 +3,8 @@
     python benchmarks/bench_recipe.py [--turns 12] [--quick]
 
 Preset ``ppo-compiled`` on the cube at nominal size, from the start of a training (light gravity, thick air). One core
-and two, and torch's own threads instead of the learner's, take turns in one process: a roll-out and its update each.
+and two, and torch's own threads instead of the learner's, take turns in one process: a roll-out and its update each;
+then once more while another process keeps one core busy.
 Beside it, in turns of whole processes on one core, the learner of the last revision before all this was looked at, read
 from the history of this repository; its physics is another one, so all but the physics is compared.
 """
@@ -19,6 +20,8 @@ import sys
 import tarfile
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -119,6 +122,17 @@ def layouts(environments: int, turns: int) -> dict[str, Any]:
     return {name: training.result() for name, training in trainings.items()}
 
 
+@contextmanager
+def other_work() -> Iterator[None]:
+    """Another process that keeps one core busy."""
+    process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
 def one_core(environments: int, turns: int) -> dict[str, Any]:
     """The training of whatever revision is imported, on one core."""
     training = Training(LAYOUTS["one core"], environments)
@@ -168,9 +182,13 @@ def main() -> None:
         print(json.dumps(one_core(*options.one_core)))
         return
     counts, turns = ((128,), 1) if options.quick else (ENVIRONMENTS, options.turns)
+    alone = {str(count): layouts(count, turns) for count in counts}
+    with other_work():
+        beside = {str(counts[-1]): layouts(counts[-1], turns)}
     results = {
         "preset": "ppo-compiled",
-        "layouts": {str(count): layouts(count, turns) for count in counts},
+        "layouts": alone,
+        "beside_other_work": beside,
         "history": against_history(counts[-1], min(turns, 4), 1 if options.quick else 3),
     }
     write("recipe", results, options, ("torch", "stable-baselines3", "numpy", "numba"))

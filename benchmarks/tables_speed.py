@@ -249,11 +249,17 @@ def recipe(record: Record) -> list[str]:
         f"| environments | | steps a second (best roll-out) | CPU µs a step | {heads} |",
         "|---|---|---|---|" + "---|" * len(names),
     ]
-    for count, layouts in runs.items():
+    for count, layouts, note in (
+        *((count, layouts, "") for count, layouts in runs.items()),
+        *(
+            (count, layouts, ", beside a busy process")
+            for count, layouts in record["beside_other_work"].items()
+        ),
+    ):
         for name, run in layouts.items():
             parts = " | ".join(f"{run['parts'][part]:.1f}" for part in names)
             lines.append(
-                f"| {count} | {name} | {run['steps_per_second']:,.0f} ({run['steps_per_second_best']:,.0f}) "
+                f"| {count} | {name}{note} | {run['steps_per_second']:,.0f} ({run['steps_per_second_best']:,.0f}) "
                 f"| {run['microseconds']:.1f} | {parts} |"
             )
     reached = max(layouts["two cores"]["steps_per_second"] for layouts in runs.values())
