@@ -40,7 +40,7 @@ def preset(algorithm: str) -> RunConfig:
 def end_to_end(algorithm: str, seconds: float) -> dict[str, Any]:
     """Samples a second, and shares of the learning process's wall time."""
     config = preset(algorithm)
-    torch.set_num_threads(config.threads)
+    torch.set_num_threads(config.torch_threads)
     torch.set_float32_matmul_precision(config.matmul_precision)
     env = default_env(config)
     try:
@@ -58,7 +58,7 @@ def end_to_end(algorithm: str, seconds: float) -> dict[str, Any]:
         if algorithm == "sac":
             places |= {"inference": (learner, "explore"), "storing": (learner.replay_buffer, "add")}
         else:
-            places |= {"inference": (learner.policy, "moments_and_values")}
+            places |= {"inference": (learner, "_look")}
         before, begin = learner.num_timesteps, time.perf_counter()
         with sections.patched(places):
             while time.perf_counter() - begin < seconds:

@@ -32,6 +32,7 @@ BLOCKS: dict[str, tuple[str, Callable[[dict[str, Any]], list[str]]]] = {
     "bps_goals": ("bps", tables_speed.bps_goals),
     "bps_exactness": ("bps", tables_speed.bps_exactness),
     "grasps": ("grasps", tables_speed.grasps),
+    "recipe": ("recipe", tables_speed.recipe),
     "learners": ("learners", tables_speed.learners),
     "bfloat16": ("learners", tables_speed.bfloat16),
     "steps": ("physics", tables_physics.steps),

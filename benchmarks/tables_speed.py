@@ -241,6 +241,50 @@ def grasps(record: Record) -> list[str]:
     ]
 
 
+def recipe(record: Record) -> list[str]:
+    runs = record["layouts"]
+    names = list(next(iter(next(iter(runs.values())).values()))["parts"])
+    heads = " | ".join(f"{name}, µs" for name in names)
+    lines = [
+        f"| environments | | steps a second (best roll-out) | CPU µs a step | {heads} |",
+        "|---|---|---|---|" + "---|" * len(names),
+    ]
+    for count, layouts, note in (
+        *((count, layouts, "") for count, layouts in runs.items()),
+        *(
+            (count, layouts, ", beside a busy process")
+            for count, layouts in record["beside_other_work"].items()
+        ),
+    ):
+        for name, run in layouts.items():
+            parts = " | ".join(f"{run['parts'][part]:.1f}" for part in names)
+            lines.append(
+                f"| {count} | {name}{note} | {run['steps_per_second']:,.0f} ({run['steps_per_second_best']:,.0f}) "
+                f"| {run['microseconds']:.1f} | {parts} |"
+            )
+    reached = max(layouts["two cores"]["steps_per_second"] for layouts in runs.values())
+    best = max(layouts["two cores"]["steps_per_second_best"] for layouts in runs.values())
+    lines += [
+        "",
+        f"Wanted: 25,000 steps a second on two cores. Median {reached:,.0f}, best roll-out {best:,.0f}: "
+        f"{verdict(reached >= 25_000)}.",
+    ]
+    history = record["history"]
+    if history is None:
+        return lines
+    rest, before, now = history["rest"], history["before"]["parts"], history["now"]["parts"]
+    return [
+        *lines,
+        "",
+        f"On one core, {history['environments']} environments, before (revision {history['revision'][:10]}) and now:",
+        "",
+        "| CPU µs a step | before | now |",
+        "|---|---|---|",
+        *(f"| {name} | {before[name]:.1f} | {now[name]:.1f} |" for name in names),
+        f"| all but the physics | {rest['before']:.1f} | {rest['now']:.1f} ({history['ratio']:.2f} times less) |",
+    ]
+
+
 def learners(record: Record) -> list[str]:
     runs = record["end_to_end"]
     lines = [

@@ -77,6 +77,10 @@ class PPOConfig(Settings):
     critic: NetworkConfig = NetworkConfig()
     bfloat16: bool = Field(False, description="Matrix products of the update in bfloat16 (autocast).")
 
+    def torch_threads(self, threads: int) -> int:
+        """Threads that torch may divide one operation among, of a run's ``threads``: this learner divides batches."""
+        return 1
+
     @classmethod
     def preset(cls, name: Literal["paper", "small"]) -> PPOConfig:
         """``paper``: 4096 environments, minibatches of 2^15. ``small``: tens to hundreds of environments."""
@@ -156,6 +160,10 @@ class SACConfig(Settings):
     critic: NetworkConfig = NetworkConfig(hidden=(256, 256), activation="relu", dense=False, layer_norm=True)
     critics: PositiveInt = 2
     bfloat16: bool = Field(True, description="Matrix products of the update in bfloat16 (autocast).")
+
+    def torch_threads(self, threads: int) -> int:
+        """Threads that torch may divide one operation among, of a run's ``threads``."""
+        return threads
 
     @classmethod
     def preset(cls, name: Literal["small"]) -> SACConfig:

@@ -105,8 +105,8 @@ class _DenseELU(torch.autograd.Function):
         own: list[Tensor] = []  # of the weights of hidden units, last layer first
         for index in range(ctx.count - 1, -1, -1):
             # the derivative from the result: 1 above zero, result + 1 below
-            delta = torch.ops.aten.elu_backward(gradient, 1.0, 1.0, 1.0, True, activations[index])
-            parts[index].copy_(delta)
+            delta, known = parts[index], activations[index]
+            torch.ops.aten.elu_backward(gradient, 1.0, 1.0, 1.0, True, known, grad_input=delta)
             if index:
                 own.append(delta.T @ activations[index - 1])
                 gradient = delta @ heads[index - 1]

@@ -98,7 +98,7 @@ class RunConfig(Settings):
     steps: PositiveInt = Field(1_000_000, description="Environment steps, summed over all environments.")
     num_envs: PositiveInt = 32
     num_workers: PositiveInt = 1
-    threads: PositiveInt = Field(1, description="Torch threads of the learner.")
+    threads: PositiveInt = Field(1, description="Threads of the learner; part of what decides its rounding.")
     matmul_precision: Literal["highest", "high", "medium"] = "medium"
     start_at_grasp: bool = Field(
         True, description="An untrained policy commands a firm grasp, not mid-range."
@@ -127,6 +127,12 @@ class RunConfig(Settings):
     @property
     def objects(self) -> str:
         return self.task.objects
+
+    @property
+    def torch_threads(self) -> int:
+        """Threads that torch divides single operations among while this run trains."""
+        settings: PPOConfig | SACConfig = getattr(self, self.algorithm)
+        return settings.torch_threads(self.threads)
 
     @property
     def name(self) -> str:

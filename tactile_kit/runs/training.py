@@ -61,7 +61,7 @@ def train(
             done = saved.step >= config.steps and finished(directory)
             if done and not _evaluation_due(config, directory, saved.step):
                 return directory
-        torch.set_num_threads(config.threads)
+        torch.set_num_threads(config.torch_threads)
         torch.set_float32_matmul_precision(config.matmul_precision)
         torch.manual_seed(
             derive(config.seed, "learner", "default")

@@ -173,6 +173,22 @@ def test_learning_happens_while_the_environment_steps() -> None:
     assert calls == ["async", "wait", "async", "train", "wait", "async", "train", "wait"]
 
 
+def test_threads_share_the_work_and_repeat_to_the_bit() -> None:
+    """Two threads learn what one does but for rounding, and the same every time."""
+    weights, divergences = [], []
+    for threads in (1, 2, 2):
+        config = PPO_TOY.model_copy(update={"epochs": 1, "minibatch": 1024, "noise_correlation": 0.6})
+        learner = PPO(ToyEnv(33, seed=1), config, seed=0, threads=threads)  # parts of different sizes
+        run(learner, 2)
+        weights.append(torch.cat([p.detach().flatten() for p in learner.policy.parameters()]))
+        divergences.append(learner.metrics()["divergence"])
+    one, two, again = weights
+    assert torch.equal(two, again) and divergences[1] == divergences[2]
+    start = torch.cat([p.detach().flatten() for p in PPO(ToyEnv(33), config, seed=0).policy.parameters()])
+    assert (one - two).norm() < 0.02 * (one - start).norm()
+    assert divergences[1] == pytest.approx(divergences[0], rel=0.02)
+
+
 def test_runs_repeat_whatever_the_global_generators_hold() -> None:
     results = []
     for global_seed in (0, 1):

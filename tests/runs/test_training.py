@@ -141,6 +141,20 @@ def test_resumed_equals_uninterrupted(tmp_path: Path, algorithm: str, half: int)
     ).read_bytes()
 
 
+def test_resumed_equals_uninterrupted_with_two_threads(tmp_path: Path) -> None:
+    """The parts of a batch, not their order in time, decide the bits; and torch itself divides nothing."""
+    seen = []
+
+    def watched(config: RunConfig) -> ToyEnv:
+        seen.append(torch.get_num_threads())
+        return toy(config)
+
+    for name, steps in (("whole", 1024), ("parts", 512), ("parts", 1024)):
+        train(settings("ppo", steps, threads=2), tmp_path / name, make_env=watched, quiet=True)
+    assert_same(last(tmp_path / "whole"), last(tmp_path / "parts"))
+    assert seen == [1, 1, 1]
+
+
 def spawn(directory: Path, algorithm: str, steps: int) -> subprocess.Popen:
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     return subprocess.Popen(
