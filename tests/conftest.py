@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import signal
+import threading
 from collections.abc import Iterator
 
 import pytest
@@ -12,6 +14,13 @@ settings.register_profile(
     "no_deadline", deadline=None
 )  # the clock of a shared machine says nothing about the code
 settings.load_profile("no_deadline")
+
+# What a shell starts in the background ignores SIGINT, and so would every process that the tests interrupt.
+if (
+    threading.current_thread() is threading.main_thread()
+    and signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+):
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session", autouse=True)

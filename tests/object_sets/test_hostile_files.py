@@ -239,7 +239,8 @@ def soup(path, count):
     """A binary STL of ``count`` triangles that touch nothing: 50 bytes each, far more in memory."""
     record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
     data = np.zeros(count, record)
-    data["corners"] = np.random.default_rng(0).random((count, 3, 3), dtype=np.float32)
+    corners = np.random.default_rng(0).random((count, 3, 3), dtype=np.float32)
+    data["corners"] = 0.1 * corners  # m: of a size that is allowed
     path.write_bytes(bytes(80) + struct.pack("<I", count) + data.tobytes())
     return path
 
