@@ -62,8 +62,10 @@ class PPOConfig(Settings):
         0, ge=0, description="Environment steps over which that weight falls to zero; 0: it stays."
     )
     teacher: str | None = Field(None, description="Directory of an oracle agent that teaches at first.")
-    taught_steps: PositiveInt = Field(
-        4_000_000, description="Environment steps at the start in which the policy only follows its teacher."
+    taught_steps: int = Field(
+        4_000_000,
+        ge=0,
+        description="Environment steps at the start in which the policy only follows its teacher.",
     )
     fixed_steps: int = Field(
         0,

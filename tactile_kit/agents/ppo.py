@@ -23,6 +23,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from randomization import derive, stream
 from tactile_kit.agents import fixed
 from tactile_kit.agents.config import PPOConfig
+from tactile_kit.agents.gaussian import adapted_rate, divergence_of, entropy_of, log_density
 from tactile_kit.agents.imitation import Examples, distance, imitate
 from tactile_kit.agents.networks import InputLayout
 from tactile_kit.agents.policies import HandActorCriticPolicy
@@ -41,29 +42,7 @@ from tactile_kit.agents.state import (
 )
 from tactile_kit.agents.teacher import MINIBATCH, Teacher, learning_rate, led
 
-_HALF_LOG_2PI = 0.918938533204673
 CLONED = 1024  # demonstrated actions beside a minibatch
-
-
-def gaussian_log_density(action, mean, log_std):
-    """Log density ``(B,)`` of actions ``(B, A)`` under a diagonal Gaussian, log sigma ``(A,)``."""
-    return (-0.5 * ((action - mean) * (-log_std).exp()).square() - log_std - _HALF_LOG_2PI).sum(1)
-
-
-def gaussian_divergence(mean, log_std, old_mean, old_log_std):
-    """Mean KL(old || new) of diagonal Gaussians, means ``(B, A)``, log sigmas ``(A,)``."""
-    ratio = (2.0 * (old_log_std - log_std)).exp()
-    distance = ((old_mean - mean) * (-log_std).exp()).square()
-    return (log_std - old_log_std + 0.5 * (ratio + distance - 1.0)).sum(1).mean()
-
-
-def adapted_rate(rate: float, divergence: float, threshold: float, bounds: tuple[float, float]) -> float:
-    """rl_games' rule: slower by 1.5 above twice the threshold, faster by 1.5 below half of it, within bounds."""
-    if divergence > 2.0 * threshold:
-        return max(rate / 1.5, bounds[0])
-    if divergence < 0.5 * threshold:
-        return min(rate * 1.5, bounds[1])
-    return rate
 
 
 class Aims(NamedTuple):
@@ -183,22 +162,17 @@ class PPO(stable_baselines3.PPO):
             buffer.observations[step] = self._last_obs  # a copy: the environment may reuse its buffers
             values = self._look(step)
             mean = buffer.means[step]
-            left = buffer.left_over[step] = self.config.noise_correlation * self._wander
-            fresh = self._new * log_std.exp() * torch.randn(mean.shape, generator=self.noise)
-            density = gaussian_log_density(mean + left + fresh, mean + left, log_std + math.log(self._new))
+            left, fresh = self.wander(log_std)
+            buffer.left_over[step] = left
+            density = log_density(mean + left + fresh, mean + left, log_std + math.log(self._new))
             if self.taught:
                 buffer.shown[step] = shown = self.teacher.actions()  # type: ignore[union-attr]
                 mean = torch.where(led(self._lessons(), env.num_envs)[:, None], shown, mean)
             actions = mean + left + fresh
-            self._wander = left + fresh
-            new_obs, rewards, dones, infos = env.step(actions.clamp(-1.0, 1.0).numpy())
-            self.num_timesteps += env.num_envs
-            ended = np.flatnonzero(dones)
-            self._update_info_buffer([infos[i] for i in ended], dones[ended])
+            starts = self._last_episode_starts
+            rewards, dones, infos = self.act(env, actions)
             rewards = self._bootstrap(np.array(rewards, dtype=np.float32), infos, dones)
-            buffer.put(actions, rewards, self._last_episode_starts, values, density)  # type: ignore[arg-type]
-            self._wander[torch.from_numpy(np.asarray(dones, dtype=bool))] = 0.0
-            self._last_obs, self._last_episode_starts = new_obs, dones  # type: ignore[assignment]
+            buffer.put(actions, rewards, starts, values, density)  # type: ignore[arg-type]
             callback.update_locals(locals())
             if not callback.on_step():
                 return False
@@ -207,6 +181,23 @@ class PPO(stable_baselines3.PPO):
         buffer.compute_returns_and_advantage(last_values=last, dones=dones)  # type: ignore[arg-type]
         callback.on_rollout_end()
         return True
+
+    def wander(self, log_std: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """This step's noise ``(E, A)``: what is left of the last step's, and what is new. log sigma ``(A,)``."""
+        left = self.config.noise_correlation * self._wander
+        fresh = self._new * log_std.exp() * torch.randn(left.shape, generator=self.noise)
+        self._wander = left + fresh
+        return left, fresh
+
+    def act(self, env: VecEnv, actions: torch.Tensor) -> tuple[np.ndarray, np.ndarray, list[dict]]:
+        """One step of all environments; returns rewards ``(E,)``, dones ``(E,)`` and infos."""
+        self._last_obs, rewards, dones, infos = env.step(actions.clamp(-1.0, 1.0).numpy())  # type: ignore[assignment]
+        self._last_episode_starts = dones
+        self.num_timesteps += env.num_envs
+        ended = np.flatnonzero(dones)
+        self._update_info_buffer([infos[i] for i in ended], dones[ended])
+        self._wander[torch.from_numpy(np.asarray(dones, dtype=bool))] = 0.0
+        return rewards, dones, infos
 
     def _look(self, step: int) -> torch.Tensor:
         """Inputs and means of a step's observations to the buffer; returns values ``(E,)``.
@@ -302,7 +293,7 @@ class PPO(stable_baselines3.PPO):
         with torch.autocast("cpu", torch.bfloat16, enabled=config.bfloat16):
             mean, log_std, value = self.policy.heads(own.inputs)
         advantage = (own.advantages - batch.center) / batch.spread
-        density = gaussian_log_density(own.actions, mean + own.left_over, log_std + narrower)
+        density = log_density(own.actions, mean + own.left_over, log_std + narrower)
         ratio = (density - own.densities).exp()
         clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
         policy_loss = -torch.min(advantage * ratio, advantage * clipped).mean()
@@ -310,10 +301,10 @@ class PPO(stable_baselines3.PPO):
         loss = config.critic_coefficient * value_loss
         means = {"policy_loss": policy_loss, "value_loss": value_loss}
         if aims.leads:
-            entropy = (log_std + 0.5 + _HALF_LOG_2PI).sum()
+            entropy = entropy_of(log_std)
             loss = loss + policy_loss - config.entropy * entropy
         if aims.taught:
-            apart = gaussian_divergence(mean, aims.log_std, own.shown, aims.log_std)
+            apart = divergence_of(mean, aims.log_std, own.shown, aims.log_std)
             loss, means["teacher_divergence"] = loss + apart, apart
         if batch.examples is not None:
             share = self.shards.rows(CLONED)[self.shards.rows(len(batch.rows)).index(part)]
@@ -322,9 +313,7 @@ class PPO(stable_baselines3.PPO):
             loss, means["clone_distance"] = loss + aims.cloning * apart, apart
         gradients = torch.autograd.grad(weight * loss, self._parameters(), allow_unused=True)
         with torch.no_grad():
-            means["divergence"] = gaussian_divergence(
-                mean, log_std + narrower, own.means, aims.log_std + narrower
-            )
+            means["divergence"] = divergence_of(mean, log_std + narrower, own.means, aims.log_std + narrower)
             means["clipped"] = ((ratio - 1.0).abs() > config.clip).float().mean()
         return list(gradients), {name: weight * value.detach() for name, value in means.items()}
 
@@ -342,7 +331,8 @@ class PPO(stable_baselines3.PPO):
     @property
     def taught(self) -> bool:
         """Whether the policy follows its teacher still, and not yet its returns."""
-        return self.teacher is not None and self.num_timesteps <= self.config.taught_steps
+        lessons = self.config.taught_steps if self.teacher is not None else 0
+        return 0 < lessons and self.num_timesteps <= lessons
 
     # ---- imitating ---------------------------------------------------------------------------------------------------
     def learn_from(

@@ -7,7 +7,6 @@ Results don't depend on the number of workers.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,64 +25,13 @@ from tactile_kit.task.goals import EpisodeSpec, draw_goal, training_episodes
 from tactile_kit.task.observation import Belief
 from tactile_kit.task.reward import terms_of_angles
 from tactile_kit.task.rotations import geodesic
+from tactile_kit.task.state import EpisodeResult, State, Transition
 from tactile_kit.task.variants import Variants, prepare
 
 if TYPE_CHECKING:
     from tactile_kit.simulation.compiled import CompiledSimulation
 
 Array = NDArray[Any]
-
-
-@dataclass
-class State:
-    """Where every environment stands now, first axis environments.
-
-    ``z (E, 144)``, ``x, x0 (E, 3)``, ``R, R0, goal (E, 3, 3)``, ``given, variant, elapsed (E,)``.
-    """
-
-    z: Array
-    x: Array
-    R: Array
-    x0: Array
-    R0: Array
-    goal: Array
-    given: Array
-    variant: Array
-    elapsed: Array
-
-
-@dataclass
-class Transition:
-    """The last step before any new episode began, first axis environments.
-
-    Rotations before and after the step, true and believed; ``reward_terms`` by name; ``next_observation`` is the
-    terminal one where an episode ended. Only the term "rotation" depends on the goal.
-    """
-
-    R_before: Array
-    R: Array
-    belief_R_before: Array
-    belief_R: Array
-    x: Array
-    goal: Array
-    reward_terms: dict[str, Array]
-    terminated: Array
-    truncated: Array
-    next_observation: Array
-
-
-@dataclass
-class EpisodeResult:
-    """How one episode ended."""
-
-    spec: EpisodeSpec
-    theta: float  # final angle to the goal, rad
-    theta_min: float
-    success: bool
-    drop: bool
-    fault: str | None
-    steps: int
-    reward: float
 
 
 def simulation_of(core: Core, num_envs: int, num_workers: int) -> VectorSimulation | CompiledSimulation:
@@ -148,7 +96,7 @@ class ReorientVecEnv(VecEnv):
         self._theta, self._theta_min = np.zeros(num_envs), np.zeros(num_envs)  # angles to the goal, rad
         self._return = np.zeros(num_envs)
         self._announce()
-        self.state = self._blank_state()
+        self.state = State.blank(num_envs)
         self.belief = Belief(
             np.zeros((num_envs, 3), np.float32), np.tile(np.eye(3, dtype=np.float32), (num_envs, 1, 1))
         )
@@ -156,14 +104,6 @@ class ReorientVecEnv(VecEnv):
         self.episode_count = 0
 
     # -- episodes ---------------------------------------------------------------------------------------------------
-
-    def _blank_state(self) -> State:
-        E = self.num_envs
-        eye = np.tile(np.eye(3), (E, 1, 1))
-        return State(
-            np.zeros((E, 144), np.float32), np.zeros((E, 3)), eye, np.zeros((E, 3)), eye.copy(), eye.copy(),
-            np.zeros(E, np.int64), np.zeros(E, np.int64), np.zeros(E, np.int64),
-        )  # fmt: skip
 
     def _checked(self, episodes: list[EpisodeSpec]) -> list[EpisodeSpec]:
         if not episodes:

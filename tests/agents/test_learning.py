@@ -10,7 +10,8 @@ import torch
 from toy_task import ToyEnv
 
 from tactile_kit.agents.config import NetworkConfig, PPOConfig, SACConfig
-from tactile_kit.agents.ppo import PPO, adapted_rate, gaussian_divergence, gaussian_log_density
+from tactile_kit.agents.gaussian import adapted_rate, divergence_of, log_density
+from tactile_kit.agents.ppo import PPO
 from tactile_kit.agents.sac import SAC
 from tactile_kit.runs.metrics import Tracker
 
@@ -246,9 +247,9 @@ def test_divergence_and_density_against_torch() -> None:
     p = torch.distributions.Normal(old, old_log_std.exp().expand(9, 4))
     q = torch.distributions.Normal(mean, log_std.exp().expand(9, 4))
     wanted = torch.distributions.kl_divergence(p, q).sum(1).mean()
-    torch.testing.assert_close(gaussian_divergence(mean, log_std, old, old_log_std), wanted)
+    torch.testing.assert_close(divergence_of(mean, log_std, old, old_log_std), wanted)
     x = torch.randn(9, 4)
-    torch.testing.assert_close(gaussian_log_density(x, mean, log_std), q.log_prob(x).sum(1))
+    torch.testing.assert_close(log_density(x, mean, log_std), q.log_prob(x).sum(1))
 
 
 def test_ppo_bootstraps_time_outs_and_nothing_else() -> None:
