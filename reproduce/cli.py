@@ -151,6 +151,7 @@ def train_estimator(
     out: Annotated[Path, arg(metavar="DIR")],
     steps: Annotated[int, arg(metavar="N")] = 20_000_000,
     cell: Annotated[str, arg(metavar="NAME")] = "fingers",
+    loss: Literal["pose", "likelihood"] = "pose",
     closed_loop: bool = False,
     seed: Annotated[int, arg(metavar="S")] = 0,
 ) -> int:
@@ -164,13 +165,14 @@ def train_estimator(
         out: The run directory. With the same arguments a stopped run is continued.
         steps: Environment steps.
         cell: What the recurrence looks at: fingers, or paper.
+        loss: Plain distances of the pose, or the paper's likelihood.
         closed_loop: The policy is told the estimate, not the truth.
         seed: Of weights and episodes.
     """
     from reproduce.estimator import measure, settings_of, table
     from reproduce.stages.train import train_config
 
-    train_config(settings_of(agent, steps, cell, closed_loop, seed), out)
+    train_config(settings_of(agent, steps, cell, loss, closed_loop, seed), out)
     print(table(measure(out, "geometric8", not closed_loop, 512, seed)))
     return 0
 
@@ -183,9 +185,10 @@ def measure_estimator(
     episodes: Annotated[int, arg(metavar="N")] = 512,
     seed: Annotated[int, arg(metavar="S")] = 0,
 ) -> int:
-    """Measure a tactile agent's estimator: error of its angle (mean/median, rad) against time, by Table I's classes.
+    """Measure a tactile agent's estimator: error of its angle (mean/median, rad) in time, by Table I's classes.
 
-    In the compiled physics, in seconds. The last column is 1 where sigma says how large the error is.
+    In the compiled physics, in seconds. error/sigma is 1 where sigma says how large the error is; success, drops and
+    the believed angle to the goal are of the same episodes. What is reported of an agent is measured in Bullet: evaluate.
 
     Args:
         agent: The agent's directory.

@@ -9,8 +9,10 @@ from reproduce.cells import paper_values
 from reproduce.errors import ReproduceError
 from tactile_kit.runs.config import RunConfig
 
+SECONDS = (1, 2, 5, 10)
 
-def settings_of(agent: Path, steps: int, cell: str, closed_loop: bool, seed: int) -> RunConfig:
+
+def settings_of(agent: Path, steps: int, cell: str, loss: str, closed_loop: bool, seed: int) -> RunConfig:
     """A run in which ``agent`` acts, told the truth or (``closed_loop``) the estimate, and its estimator learns.
 
     Raises ``ReproduceError`` where there is no agent.
@@ -20,7 +22,6 @@ def settings_of(agent: Path, steps: int, cell: str, closed_loop: bool, seed: int
     from tactile_kit.agents.manifest import read_manifest
 
     task = read_manifest(agent).task
-    estimator: dict[str, Any] = {"cell": cell, "loss": "pose" if cell == "fingers" else "likelihood"}
     changes = {
         "kind": "tactile",
         "warm_start": str(agent),
@@ -28,7 +29,7 @@ def settings_of(agent: Path, steps: int, cell: str, closed_loop: bool, seed: int
         "seed": seed,
         "task": {name: task[name] for name in ("objects", "encoding", "action", "scaling", "variants")},
         "ppo": {"fixed_steps": steps},
-        "estimator": estimator,
+        "estimator": {"cell": cell, "loss": loss},
         "ecrl": {"rho_start": 0.0 if closed_loop else 1.0, "rho_step": 0.0},
     }
     return RunConfig.preset("tactile-compiled", changes)
@@ -48,15 +49,12 @@ def measure(agent: Path, objects: str, truth: bool, episodes: int, seed: int) ->
 
 def table(rows: list[dict[str, Any]]) -> str:
     """The rows as people read them: mean and median error in rad."""
-    lines = [f"{'':<12}{'n':>6}{'1 s':>14}{'2 s':>14}{'5 s':>14}{'10 s':>14}{'< 0.4':>8}{'error/sigma':>13}"]
+    columns = (*(f"{s} s" for s in SECONDS), "< 0.4", "error/sigma", "success", "drops", "believed")
+    lines = [f"{'':<12}{'n':>6}" + "".join(f"{name:>13}" for name in columns)]
     for row in rows:
-        pairs = [
-            f"{row[f'mean_{s}s']:.2f}/{row[f'median_{s}s']:.2f}" if f"mean_{s}s" in row else "-"
-            for s in (1, 2, 5, 10)
-        ]
-        within = f"{row['within_10s']:.2f}" if "within_10s" in row else "-"
-        cells = "".join(f"{pair:>14}" for pair in pairs)
-        lines.append(
-            f"{row['class']:<12}{row['episodes']:>6.0f}{cells}{within:>8}{row['calibration']:>13.2f}"
-        )
+        pairs = [(f"mean_{s}s", f"median_{s}s") for s in SECONDS]
+        cells = [f"{row[a]:.2f}/{row[b]:.2f}" if a in row else "-" for a, b in pairs]
+        rest = ("within_10s", "calibration", "success", "drops", "believed")
+        cells += [f"{row[name]:.3f}" if name in row else "-" for name in rest]
+        lines.append(f"{row['class']:<12}{row['episodes']:>6.0f}" + "".join(f"{cell:>13}" for cell in cells))
     return "\n".join(lines)

@@ -44,14 +44,21 @@ class Truth:
         self._x[mask], self._R[mask] = state.x[mask], state.R[mask]
         self._q[mask] = self.env.simulation.views["q0"][mask]
 
-    def __call__(self) -> NDArray[np.float32]:
-        """``(E, WIDTH)``, lengths in m, rotations in 6-D form."""
+    def __call__(self, rows: NDArray[np.int64] | slice = slice(None)) -> NDArray[np.float32]:
+        """``(N, WIDTH)`` of the environments ``rows``, lengths in m, rotations in 6-D form."""
         state = self.env.state
-        x, R = (torch.as_tensor(part, dtype=torch.float32) for part in (state.x, state.R))
-        points = torch.from_numpy(spheres(self._q))
-        vectors = surface_vectors(self.env.meshes, x, R, points, torch.as_tensor(state.variant))
+        x, R, goal, body = (
+            state.x[rows],
+            state.R[rows],
+            state.goal[rows],
+            torch.as_tensor(state.variant[rows]),
+        )
+        place, turn = (torch.as_tensor(part, dtype=torch.float32) for part in (x, R))
+        vectors = surface_vectors(
+            self.env.meshes, place, turn, torch.from_numpy(spheres(self._q[rows])), body
+        )
         clearance = torch.linalg.vector_norm(vectors, dim=-1) - RADII
-        turned = state.R @ np.swapaxes(self._R, 1, 2)
-        parts = [goal_term(state.goal, state.R), state.x, to_6d(state.R), state.x - self._x, to_6d(turned)]
+        turned = R @ np.swapaxes(self._R[rows], 1, 2)
+        parts = [goal_term(goal, R), x, to_6d(R), x - self._x[rows], to_6d(turned)]
         parts.append(clearance.numpy())
         return np.concatenate(parts, axis=1, dtype=np.float32)

@@ -132,8 +132,12 @@ class TactileVecEnv(ReorientVecEnv):
     def _observe_again(
         self, observation: NDArray[np.float32], rows: NDArray[np.int64]
     ) -> NDArray[np.float32]:
-        seen = super()._observe_again(observation[:, : self.core.layout.size], rows)
-        return seen if self._truth is None else np.concatenate([seen, self._truth()], axis=1)
+        if self._truth is None:
+            return super()._observe_again(observation, rows)
+        size, again = self.core.layout.size, observation.copy()
+        again[:, :size] = super()._observe_again(observation[:, :size], rows)
+        again[rows, size:] = self._truth(rows)
+        return again
 
     def _update_belief(self) -> Belief:
         state, valid = self.state, self.simulation.views["status"] != Status.FAULT

@@ -8,7 +8,7 @@ given, x̂_0 and l_0 are learned. A second network predicts the two sigmas of th
 from __future__ import annotations
 
 import itertools
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -52,7 +52,7 @@ def mlp(sizes: Sequence[int], gain: float = 1.0) -> nn.Sequential:
     return nn.Sequential(*layers)
 
 
-class EstimatorCell(nn.Module):
+class EstimatorCell(nn.Module, ABC):
     """What every estimator f is: learned first state, a transition, sigmas. Kinds differ in what the transition sees.
 
     Args:

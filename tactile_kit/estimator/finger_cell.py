@@ -15,6 +15,7 @@ from torch import Tensor
 from tactile_kit.estimator import so3
 from tactile_kit.estimator.cell import LENGTH_SCALE, POSE, Apply, EstimatorCell
 from tactile_kit.estimator.config import EstimatorConfig
+from tactile_kit.estimator.errors import EstimatorError
 from tactile_kit.estimator.fingers import ANGLES, FINGERS, MEMORY, PAD, RADII, SPHERES, Fingers, fingers
 from tactile_kit.estimator.fits import FIT_SCALE, fits
 from tactile_kit.estimator.state import EstimatorState
@@ -29,9 +30,16 @@ class FingerCell(EstimatorCell):
     """f(fingers, l, closest points from the fingers at (x̂, R̂), x̂, R̂).
 
     Behind the latent state it keeps the last step's measurements, which need no learning.
+
+    Raises:
+        EstimatorError: ``shape`` is the encoding of an agent that is not told the mesh, which this cell looks at.
     """
 
     def __init__(self, config: EstimatorConfig, shape: Any) -> None:
+        if not shape.tells_shape:
+            raise EstimatorError(
+                f"estimator.cell 'fingers' looks at the mesh, encoding {shape.name!r} tells none; allowed: 'paper'"
+            )
         super().__init__(config, shape, INPUTS)
         self.register_buffer("radii", RADII, persistent=False)
         self.register_buffer("fit_scale", FIT_SCALE, persistent=False)

@@ -37,7 +37,14 @@ class Losses:
 
 def sequence_loss(cell: EstimatorCell, sequences: Sequences, encoding: Any, bps: Encode) -> Losses:
     """The loss that the cell's settings name; arguments as of :func:`likelihood`."""
-    return LOSSES[cell.config.loss](cell, sequences, unroll(cell, sequences, encoding), bps)
+    return LOSSES[cell.config.loss].of(cell, sequences, unroll(cell, sequences, encoding), bps)
+
+
+def prepared(cell: EstimatorCell, sequences: Sequences, bps: Encode) -> Sequences:
+    """The sequences with what every pass of the cell's loss would compute anew."""
+    if not LOSSES[cell.config.loss].needs_distances:
+        return sequences
+    return sequences.with_distances(true_distances(sequences, bps))
 
 
 def pose(cell: EstimatorCell, sequences: Sequences, run: Unrolled, bps: Encode) -> Losses:
@@ -123,7 +130,12 @@ def _off(estimate: Tensor, truth: Tensor) -> Tensor:
     return loss.shape_distance(truth, estimate)
 
 
-LOSSES: dict[str, Callable[[EstimatorCell, Sequences, Unrolled, Encode], Losses]] = {
-    "likelihood": likelihood,
-    "pose": pose,
-}
+@dataclass(frozen=True)
+class Loss:
+    """A loss over sequences, and whether it compares basis-point distances."""
+
+    of: Callable[[EstimatorCell, Sequences, Unrolled, Encode], Losses]
+    needs_distances: bool
+
+
+LOSSES = {"likelihood": Loss(likelihood, True), "pose": Loss(pose, False)}

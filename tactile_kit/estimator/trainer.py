@@ -14,7 +14,7 @@ from tactile_kit.estimator import so3
 from tactile_kit.estimator.averaging import Average
 from tactile_kit.estimator.cell import EstimatorCell
 from tactile_kit.estimator.errors import EstimatorError
-from tactile_kit.estimator.losses import Encode, sequence_loss, true_distances
+from tactile_kit.estimator.losses import Encode, prepared, sequence_loss
 from tactile_kit.estimator.sequences import Sequences
 from tactile_kit.estimator.state import EstimatorState
 from tactile_kit.estimator.turn import turned
@@ -65,9 +65,7 @@ class EstimatorTrainer:
         if not self.average.steps:  # a warm start may have filled the cell since
             self.learning.load_state_dict(self.cell.state_dict())
         pool = Sequences.joined(recent)
-        if self.cell.config.loss == "likelihood":
-            pool = pool.with_distances(true_distances(pool, self.bps))  # every pass needs the same
-        pool, lost = self._put_back(pool)
+        pool, lost = self._put_back(prepared(self.cell, pool, self.bps))
         totals = torch.zeros(7)
         minibatches = 0
         for index in self._minibatches(len(pool), visits):

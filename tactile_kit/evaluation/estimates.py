@@ -47,9 +47,15 @@ class Followed:
         return Followed(**parts, object_id=self.object_id[which])
 
     def figures(self) -> dict[str, float]:
-        """Mean errors over all steps and at 1, 2, 5, 10 s (rad), the share within 0.4 rad at 10 s, and calibration.
+        """Errors of the angle (rad), how the episodes ended, and calibration, by name.
 
-        ``calibration``: root mean square of error over sigma, 1 where sigma says what the error is.
+        ``mean`` over all steps; ``mean_1s``, ``median_1s`` and so on at 1, 2, 5 and 10 s; ``within_10s``, the share
+        within 0.4 rad then. ``success`` and ``drops`` are shares of all episodes; ``theta`` and ``believed`` the mean
+        true and believed angle to the goal at 10 s of those held. ``calibration``: root mean square of error over
+        sigma, 1 where sigma says what the error is. ``position``: mean error in m.
+
+        Raises:
+            EvaluationError: no step was played.
         """
         if not self.held.any():
             raise EvaluationError("no step was played: nothing to say of the estimates")
@@ -65,6 +71,12 @@ class Followed:
         last = self.held[-1]
         if last.any():
             found["within_10s"] = float((self.angle[-1, last] < CLOSE).mean())
+            found |= {
+                "theta": float(self.goal[-1, last].mean()),
+                "believed": float(self.believed[-1, last].mean()),
+            }
+        found["success"] = float((last & (self.goal[-1] < CLOSE)).mean())
+        found["drops"] = float((~last).mean())
         ratio = self.angle[self.held] / self.sigma[self.held]
         found["calibration"] = float(np.sqrt(np.mean(ratio**2)))
         found["position"] = float(self.position[self.held].mean())

@@ -255,8 +255,9 @@ def _evaluate(run: Run, metrics: MetricsFile, progress: Progress) -> float:
 
     settings, begin = run.config.evaluation, time.monotonic()
     run.export()
+    agent = load_agent(run.directory)
     rows = evaluate(
-        load_agent(run.directory),
+        agent,
         objects=settings.objects or run.config.objects,
         goals="octahedral",
         episodes_per_goal=settings.episodes_per_goal,
@@ -275,24 +276,21 @@ def _evaluate(run: Run, metrics: MetricsFile, progress: Progress) -> float:
         "episodes": len(rows),
         "drops": sum(bool(row.drop) for row in rows) / len(rows),
         "theta": float(np.mean(angles)) if angles else None,
-        **_estimates(run),
+        **_estimates(run, agent),
     }
     metrics.write(run.evaluation)
     progress.say(f"evaluation: success rate {successes / len(rows):.3f} over {len(rows)} episodes")
     return time.monotonic() - begin
 
 
-def _estimates(run: Run) -> dict[str, float]:
+def _estimates(run: Run, agent: Any) -> dict[str, float]:
     """How well a tactile agent's estimator follows in closed loop, by name."""
-    if run.config.kind != "tactile":
+    if agent.estimator is None:
         return {}
-    from tactile_kit.agents.agent import load_agent
     from tactile_kit.evaluation.estimates import follow
 
     objects = run.config.evaluation.objects or run.config.objects
-    figures = follow(
-        load_agent(run.directory), objects, truth=False, episodes=256, seed=run.config.seed
-    ).figures()
+    figures = follow(agent, objects, truth=False, episodes=256, seed=run.config.seed).figures()
     return {f"estimates/{name}": value for name, value in figures.items()}
 
 

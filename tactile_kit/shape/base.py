@@ -14,10 +14,11 @@ class Encoding(ABC):
     """Base of the encodings; a new one is one file and one line in ``registry.py``.
 
     Class attributes: ``name`` in the registry; ``size`` features the network sees; ``observation_size`` numbers the
-    observation carries (= size unless a learned layer, ``features()``, stands between).
+    observation carries (= size unless a learned layer, ``features()``, stands between); ``tells_shape``.
     """
 
     name: ClassVar[str]
+    tells_shape: ClassVar[bool] = True  # whether the mesh has a say in it
     size: ClassVar[int]
     observation_size: ClassVar[int]
 

@@ -12,6 +12,7 @@ class NoShape(Encoding):
     """(B, 0)."""
 
     name, size, observation_size = "none", 0, 0
+    tells_shape = False
 
     def __call__(self, x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor) -> torch.Tensor:
         check_pose(self.meshes, x, R, mesh)

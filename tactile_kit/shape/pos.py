@@ -12,6 +12,7 @@ class Pos(Encoding):
     """(B, 3): x, metres, hand frame."""
 
     name, size, observation_size = "pos", 3, 3
+    tells_shape = False
 
     def __call__(self, x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor) -> torch.Tensor:
         check_pose(self.meshes, x, R, mesh)

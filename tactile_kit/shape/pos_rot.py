@@ -12,6 +12,7 @@ class PosRot(Encoding):
     """(B, 9): x in metres, hand frame, and the first two columns of R."""
 
     name, size, observation_size = "pos_rot", 9, 9
+    tells_shape = False
 
     def __call__(self, x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor) -> torch.Tensor:
         check_pose(self.meshes, x, R, mesh)

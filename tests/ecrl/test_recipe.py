@@ -123,7 +123,7 @@ def test_figures_of_followed_episodes() -> None:
     followed = Followed(angle, angle, 0.5 * angle, angle, angle, held, np.array([3, 5]))
     figures = followed.figures()
     assert figures["mean"] == pytest.approx(0.2) and figures["calibration"] == pytest.approx(2.0)
-    assert figures["within_10s"] == 1.0
+    assert figures["within_10s"] == 1.0 and figures["success"] == figures["drops"] == 0.5
     assert "within_10s" not in followed.of([5]).figures()
     with pytest.raises(EvaluationError, match="no step was played"):
         followed.of([7]).figures()
@@ -133,9 +133,10 @@ def test_the_command_trains_an_estimator_alone(oracle: Path, tmp_path: Path, cap
     from reproduce import estimator
     from reproduce.cli import main
 
-    known = estimator.settings_of(oracle, 2 * ROLLOUT, "fingers", True, 4)
+    known = estimator.settings_of(oracle, 2 * ROLLOUT, "paper", "likelihood", True, 4)
     assert (known.kind, known.ppo.fixed_steps, known.ecrl.rho_start) == ("tactile", 2 * ROLLOUT, 0.0)
     assert known.task.objects == "cube" and known.seed == 4
+    assert (known.estimator.cell, known.estimator.loss) == ("paper", "likelihood")
     small = tree(oracle, 2 * ROLLOUT, 2 * ROLLOUT, 0)
     monkeypatch.setattr(estimator, "settings_of", lambda *arguments: small)
     steps = ["--steps", str(2 * ROLLOUT), "--agent", str(oracle), "--out", str(tmp_path / "e")]

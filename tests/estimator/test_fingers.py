@@ -116,3 +116,11 @@ def test_the_finger_cell_learns_and_goes_on_as_in_a_sequence() -> None:
 def test_an_unknown_cell_is_refused() -> None:
     with pytest.raises(EstimatorError, match="'toes' unknown, allowed: paper, fingers"):
         make(TINY.model_copy(update={"cell": "toes"}))
+
+
+@pytest.mark.parametrize("name", ["pos", "pos_rot", "none"])
+def test_a_cell_that_looks_at_the_mesh_is_refused_to_agents_that_are_not_told_it(name: str) -> None:
+    with pytest.raises(
+        EstimatorError, match=f"'fingers' looks at the mesh, encoding '{name}' tells none; allowed: 'paper'"
+    ):
+        make(FINGER_CELL.model_copy(update={"encoding": name}))

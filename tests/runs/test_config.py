@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from reproduce.files import ROOT
 from tactile_kit.agents.config import NetworkConfig, PPOConfig
 from tactile_kit.runs import ConfigError, RunConfig, presets
 from tactile_kit.runs.config import differences
@@ -141,3 +142,10 @@ def test_settings_from_before_a_setting_existed_are_completed_with_its_default()
     assert differences(_completed(old), now) == []
     gone = {**old, "teapots": 3}
     assert any(line.startswith("teapots") for line in differences(_completed(gone), now))
+
+
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "results" / "agents").glob("*/config.yaml")), ids=lambda p: p.parent.name
+)
+def test_what_shipped_agents_were_trained_with_is_read_back(path: Path) -> None:
+    assert RunConfig.from_yaml(path).to_dict()["kind"] == path.parent.name.split("-")[0]
