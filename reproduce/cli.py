@@ -188,7 +188,7 @@ def measure_estimator(
     """Measure a tactile agent's estimator: error of its angle (mean/median, rad) in time, by Table I's classes.
 
     In the compiled physics, in seconds. error/sigma is 1 where sigma says how large the error is; success, drops and
-    the believed angle to the goal are of the same episodes. What is reported of an agent is measured in Bullet: evaluate.
+    the believed angle to the goal are of the same episodes. What is reported of an agent is measured by evaluate.
 
     Args:
         agent: The agent's directory.

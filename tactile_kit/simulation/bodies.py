@@ -15,7 +15,7 @@ from tactile_kit.hand.kinematics import FINGERS
 from tactile_kit.hand.urdf import hand_urdf
 from tactile_kit.task.rotations import to_quaternion
 
-DEFAULT_MASS = 0.05  # kg
+DEFAULT_MASS, MIN_MASS = 0.05, 1e-3  # kg; no drawn offset takes an object below the second
 
 
 def _write_once(path: Path, text: str) -> Path:

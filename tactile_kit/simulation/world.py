@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tactile_kit.hand import kinematics
 from tactile_kit.hand.controller import CommandFilter, Impedance, ImpedanceController
-from tactile_kit.simulation.bodies import Body
+from tactile_kit.simulation.bodies import MIN_MASS, Body
 from tactile_kit.simulation.client import Client
 from tactile_kit.simulation.config import SAMPLES, SimulationConfig
 from tactile_kit.simulation.hand import Hand
@@ -96,7 +96,7 @@ class World:
         self._loads += 1
         self.hand.forget_contacts()
         self.hand.set_physics(physics)
-        self._mass = max(body.mass + float(physics["object_mass_offset"]), 1e-3)
+        self._mass = max(body.mass + float(physics["object_mass_offset"]), MIN_MASS)
         if body.number not in self._shapes:
             self._shapes[body.number] = body.shape(bullet)
         self.object = body.create(bullet, self._mass, self._shapes[body.number], visible=self.visible)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tactile_kit.hand import kinematics
 from tactile_kit.hand.controller import TORQUE_LIMIT, damping_matrices, gravity_torques
 from tactile_kit.shape import MeshTable
-from tactile_kit.simulation.bodies import Body
+from tactile_kit.simulation.bodies import MIN_MASS, Body
 from tactile_kit.simulation.compiled import kernel
 from tactile_kit.simulation.compiled.contacts import NODES, PAIRS, SCRATCH
 from tactile_kit.simulation.compiled.lanes import LANES
@@ -27,7 +27,6 @@ from tactile_kit.task.rotations import from_quaternion, to_quaternion
 
 Array = NDArray[Any]
 JOINTS = (kinematics.FINGERS, kinematics.DRIVEN)
-MIN_MASS = 1e-3  # kg
 ITERATIONS = 20  # at most: rows that begin with the last step's impulses need fewer than Bullet's
 
 
