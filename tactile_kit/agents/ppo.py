@@ -332,7 +332,7 @@ class PPO(stable_baselines3.PPO):
     def taught(self) -> bool:
         """Whether the policy follows its teacher still, and not yet its returns."""
         lessons = self.config.taught_steps if self.teacher is not None else 0
-        return 0 < lessons and self.num_timesteps <= lessons
+        return lessons > 0 and self.num_timesteps <= lessons
 
     # ---- imitating ---------------------------------------------------------------------------------------------------
     def learn_from(
