@@ -18,22 +18,13 @@ from torch import Tensor, nn
 from tactile_kit.estimator.config import EstimatorConfig
 from tactile_kit.estimator.errors import EstimatorError
 from tactile_kit.estimator.state import EstimatorState
-from tactile_kit.estimator.turn import turned
+from tactile_kit.estimator.step import LENGTH_SCALE
 
 Apply = Callable[[Tensor], Tensor]
 
 MEASUREMENTS = 144  # 6 samples of 12 joint angles and 12 control errors
-POSE = 9
 
-# Input scaling: fixed constants, because the sizes are known before the first roll-out and a running
-# normalisation would move the recurrence under its feet. The object wanders a few centimetres, the size of most
-# basis-point vectors.
-LENGTH_SCALE = 0.03
-# Output scaling: what an object does in one step of 0.1 s (half a turn takes some 2.5 s). The last layer
-# starts small, so that an untrained cell is nearly still.
-POSITION_STEP, ROTATION_STEP, OUTPUT_GAIN = 0.01, 0.1, 0.1
-# No estimate may run away: an object 10 cm off is dropped (m, every axis), and turns by 0.1 rad a step.
-FARTHEST, LARGEST_TURN, LARGEST_LATENT = 0.12, 1.5, 30.0
+OUTPUT_GAIN = 0.1  # the last layer starts small, so that an untrained cell is nearly still
 
 
 def mlp(sizes: Sequence[int], gain: float = 1.0) -> nn.Sequential:
@@ -111,15 +102,6 @@ class EstimatorCell(nn.Module, ABC):
             raise EstimatorError(f"measurements have {z.shape[-1]} entries, allowed: {MEASUREMENTS}")
         nowhere = torch.zeros(1, len(z), dtype=torch.bool)
         return self.step(state, self.look(z[None], nowhere, state)[0], encoding, mesh)
-
-    def moved(self, state: EstimatorState, residual: Tensor) -> EstimatorState:
-        """The state after residuals ``(B, n + 6)`` of latent state, position and orientation, within bounds."""
-        latent, move, turn = residual.split([self.config.latent, 3, 3], dim=-1)
-        return EstimatorState(
-            (state.x + POSITION_STEP * move).clamp(-FARTHEST, FARTHEST),
-            turned(state.R, (ROTATION_STEP * turn).clamp(-LARGEST_TURN, LARGEST_TURN)),
-            (state.latent + latent).clamp(-LARGEST_LATENT, LARGEST_LATENT),
-        )
 
     def sigmas(self, state: EstimatorState) -> Tensor:
         """Predicted σ_v (in ``config.distance_unit``) and σ_R (rad), above ``sigma_floor``: ``(B, 2)``."""

@@ -12,18 +12,14 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from tactile_kit.estimator import so3
-from tactile_kit.estimator.cell import LENGTH_SCALE, POSE, Apply, EstimatorCell
+from tactile_kit.estimator.cell import Apply, EstimatorCell
 from tactile_kit.estimator.config import EstimatorConfig
 from tactile_kit.estimator.errors import EstimatorError
-from tactile_kit.estimator.fingers import ANGLES, FINGERS, MEMORY, PAD, RADII, SPHERES, Fingers, fingers
-from tactile_kit.estimator.fits import FIT_SCALE, fits
+from tactile_kit.estimator.fingers import MEMORY, Fingers, fingers
 from tactile_kit.estimator.state import EstimatorState
+from tactile_kit.estimator.step import moved
+from tactile_kit.estimator.touch import INPUTS, touch
 from tactile_kit.shape.moving import surface_vectors
-
-# m, but for the last: what vectors to the surface, clearances, levers, pushes, moves and lever times move come to
-VECTOR, CLEARANCE, LEVER, PUSH, MOVE, SWEEP = 0.02, 0.006, 0.05, 0.015, 0.005, 2e-4
-INPUTS = POSE + ANGLES + FINGERS * (4 * SPHERES + 4 * 3 + 2) + len(FIT_SCALE)
 
 
 class FingerCell(EstimatorCell):
@@ -41,8 +37,6 @@ class FingerCell(EstimatorCell):
                 f"estimator.cell 'fingers' looks at the mesh, encoding {shape.name!r} tells none; allowed: 'paper'"
             )
         super().__init__(config, shape, INPUTS)
-        self.register_buffer("radii", RADII, persistent=False)
-        self.register_buffer("fit_scale", FIT_SCALE, persistent=False)
 
     def initial(self, R0: Tensor) -> EstimatorState:
         state = super().initial(R0)
@@ -64,25 +58,6 @@ class FingerCell(EstimatorCell):
         own = state._replace(latent=state.latent[:, :n])
         at = own.detach() if self.config.stop_gradient else own
         vectors = surface_vectors(encoding.meshes, at.x, at.R, seen.points, mesh)
-        parts = [own.latent, seen.joints, own.x / LENGTH_SCALE, so3.to_6d(own.R)]
-        parts += self._touch(at, seen, vectors)
-        after = self.moved(own, (transition or self.transition)(torch.cat(parts, dim=-1)))
+        seen_at_pose = touch(own, at.x, vectors, seen)
+        after = moved(own, (transition or self.transition)(seen_at_pose))
         return after._replace(latent=torch.cat([after.latent, seen.memory], dim=1))
-
-    def _touch(self, state: EstimatorState, seen: Fingers, vectors: Tensor) -> list[Tensor]:
-        """What the fingers feel of an object at the estimate, each ``(B, ...)`` of order one."""
-        distance = (vectors.square().sum(-1) + 1e-10).sqrt()
-        towards = (vectors / distance[..., None]).unflatten(1, (FINGERS, SPHERES))[:, :, PAD]
-        lever = seen.points.unflatten(1, (FINGERS, SPHERES))[:, :, PAD] - state.x[:, None]
-        clearance = ((distance - self.radii) / CLEARANCE).clamp(-3.0, 6.0)
-        told = [
-            vectors.flatten(1) / VECTOR,
-            lever.flatten(1) / LEVER,
-            seen.push.flatten(1) / PUSH,
-            seen.move.flatten(1) / MOVE,
-            torch.linalg.cross(lever, seen.move).flatten(1) / SWEEP,
-            (seen.push * towards).sum(-1) / PUSH,
-            (seen.move * towards).sum(-1) / MOVE,
-        ]
-        hints = fits(seen.points, vectors, state.x, seen.push, seen.move) * self.fit_scale
-        return [*told, clearance, hints]

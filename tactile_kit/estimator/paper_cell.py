@@ -8,10 +8,11 @@ import torch
 from torch import Tensor, nn
 
 from tactile_kit.estimator import so3
-from tactile_kit.estimator.cell import LENGTH_SCALE, MEASUREMENTS, POSE, Apply, EstimatorCell, mlp
+from tactile_kit.estimator.cell import MEASUREMENTS, Apply, EstimatorCell, mlp
 from tactile_kit.estimator.config import EstimatorConfig
 from tactile_kit.estimator.repeated import Repeated
 from tactile_kit.estimator.state import EstimatorState
+from tactile_kit.estimator.step import LENGTH_SCALE, POSE, moved
 from tactile_kit.hand.kinematics import JOINTS, MEAN_GRASP
 
 SAMPLES = 6
@@ -56,7 +57,7 @@ class PaperCell(EstimatorCell):
             shape = encoding(at.x, at.R, mesh)
             parts.append(shape if self.features is None else self.features(shape / LENGTH_SCALE))
         parts += [state.x, so3.to_6d(state.R)]
-        return self.moved(state, (transition or self.transition)(torch.cat(parts, dim=-1) * self.input_scale))
+        return moved(state, (transition or self.transition)(torch.cat(parts, dim=-1) * self.input_scale))
 
 
 def _measurement_scaling() -> tuple[Tensor, Tensor]:

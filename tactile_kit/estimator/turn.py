@@ -32,7 +32,7 @@ def turned(R: Tensor, r: Tensor) -> Tensor:
 
 def _forward(R: Tensor, r: Tensor) -> Tensor:
     out = torch.empty(R.shape, dtype=R.dtype)
-    _turn(R.contiguous().numpy(), r.contiguous().numpy(), out.numpy())
+    forward(R.contiguous().numpy(), r.contiguous().numpy(), out.numpy())
     return out
 
 
@@ -48,7 +48,7 @@ class _Turn(torch.autograd.Function):
     def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, Tensor]:
         r, out = ctx.saved_tensors
         R_gradient, r_gradient = torch.empty(out.shape, dtype=out.dtype), torch.empty(r.shape, dtype=r.dtype)
-        _turn_backward(
+        backward(
             r.detach().contiguous().numpy(),
             out.detach().numpy(),
             gradient.contiguous().numpy(),
@@ -84,7 +84,8 @@ def _rotation(x, y, z, out):
 
 
 @numba.njit(cache=True, nogil=True)
-def _turn(R, r, out):
+def forward(R, r, out):
+    """exp(r) R into ``out (B, 3, 3)``."""
     turn, product = np.empty((3, 3)), np.empty((3, 3))
     for n in range(len(R)):
         _rotation(float(r[n, 0]), float(r[n, 1]), float(r[n, 2]), turn)
@@ -106,7 +107,8 @@ def _turn(R, r, out):
 
 
 @numba.njit(cache=True, nogil=True)
-def _turn_backward(r, out, gradient, R_gradient, r_gradient):
+def backward(r, out, gradient, R_gradient, r_gradient):
+    """Gradients of R and r from that of ``out``, what :func:`forward` gave."""
     turn = np.empty((3, 3))
     for n in range(len(r)):
         x, y, z = float(r[n, 0]), float(r[n, 1]), float(r[n, 2])

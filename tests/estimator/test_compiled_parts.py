@@ -7,9 +7,15 @@ import torch
 
 from tactile_kit.estimator.cell import mlp
 from tactile_kit.estimator.distances import angle, vector_distance
+from tactile_kit.estimator.fingers import RADII, Fingers
+from tactile_kit.estimator.fits import FIT_SCALE, fits
 from tactile_kit.estimator.loss import shape_distance
 from tactile_kit.estimator.repeated import Repeated
-from tactile_kit.estimator.so3 import exp, geodesic, safe_norm
+from tactile_kit.estimator.so3 import exp, geodesic, safe_norm, to_6d
+from tactile_kit.estimator.state import EstimatorState
+from tactile_kit.estimator.step import FARTHEST, LARGEST_LATENT, LARGEST_TURN, LENGTH_SCALE, moved
+from tactile_kit.estimator.touch import touch
+from tactile_kit.estimator.turn import turned
 
 
 def recurrence(apply, x: torch.Tensor, steps: int) -> torch.Tensor:
@@ -77,3 +83,93 @@ def test_angle_is_the_geodesic_one() -> None:
     torch.testing.assert_close(found[0][0], found[1][0], atol=1e-9, rtol=1e-9)
     torch.testing.assert_close(found[0][1][5:], found[1][1][5:])
     assert found[0][1].isfinite().all()
+
+
+def slopes_of(outputs: tuple[torch.Tensor, ...], inputs: list[torch.Tensor]) -> tuple[torch.Tensor, ...]:
+    """Gradients of a weighted sum of all outputs."""
+    generator = torch.Generator().manual_seed(5)
+    total = sum((part * torch.randn(part.shape, generator=generator)).sum() for part in outputs)
+    return torch.autograd.grad(total, inputs, allow_unused=True)  # type: ignore[arg-type]
+
+
+def touch_by_torch(
+    state: EstimatorState, at: torch.Tensor, vectors: torch.Tensor, seen: Fingers
+) -> torch.Tensor:
+    """What ``touch`` compiles."""
+    distance = (vectors.square().sum(-1) + 1e-10).sqrt()
+    towards = (vectors / distance[..., None]).unflatten(1, (4, 4))[:, :, 1]
+    lever = seen.points.unflatten(1, (4, 4))[:, :, 1] - at[:, None]
+    clearance = ((distance - RADII) / 0.006).clamp(-3.0, 6.0)
+    parts = [
+        state.latent,
+        seen.joints,
+        state.x / LENGTH_SCALE,
+        to_6d(state.R),
+        vectors.flatten(1) / 0.02,
+        lever.flatten(1) / 0.05,
+        seen.push.flatten(1) / 0.015,
+        seen.move.flatten(1) / 0.005,
+        torch.linalg.cross(lever, seen.move).flatten(1) / 2e-4,
+        (seen.push * towards).sum(-1) / 0.015,
+        (seen.move * towards).sum(-1) / 0.005,
+        clearance,
+        fits(seen.points, vectors, at, seen.push, seen.move) * FIT_SCALE,
+    ]
+    return torch.cat(parts, dim=1)
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+def test_touch_is_what_torch_makes_of_it(stopped: bool) -> None:
+    generator = torch.Generator().manual_seed(2)
+
+    def noise(size: float, *shape: int) -> torch.Tensor:
+        return size * torch.randn(*shape, generator=generator)
+
+    state = EstimatorState(noise(0.02, 9, 3), exp(noise(1.0, 9, 3)), noise(1.0, 9, 5))
+    vectors = noise(0.01, 9, 16, 3)
+    vectors[0, :6] = 0.0  # inside the mesh
+    vectors[1] *= 20.0  # further than clearances are told
+    seen = Fingers(
+        noise(1.0, 9, 72),
+        noise(0.04, 9, 16, 3),
+        noise(0.01, 9, 4, 3),
+        noise(0.005, 9, 4, 3),
+        noise(1.0, 9, 1),
+    )
+    inputs = [part.requires_grad_() for part in state]
+    if not stopped:
+        inputs.append(vectors.requires_grad_())
+    at = state.x.detach() if stopped else state.x
+    found, wanted = (look(state, at, vectors, seen) for look in (touch, touch_by_torch))
+    torch.testing.assert_close(found, wanted)
+    for one, other in zip(slopes_of((found,), inputs), slopes_of((wanted,), inputs), strict=True):
+        torch.testing.assert_close(one, other, atol=1e-3, rtol=1e-4)
+
+
+def moved_by_torch(state: EstimatorState, residual: torch.Tensor) -> EstimatorState:
+    """What ``moved`` compiles."""
+    latent, move, turn = residual.split([state.latent.shape[1], 3, 3], dim=-1)
+    return EstimatorState(
+        (state.x + 0.01 * move).clamp(-FARTHEST, FARTHEST),
+        turned(state.R, (0.1 * turn).clamp(-LARGEST_TURN, LARGEST_TURN)),
+        (state.latent + latent).clamp(-LARGEST_LATENT, LARGEST_LATENT),
+    )
+
+
+def test_a_step_is_what_torch_makes_of_it_also_at_its_bounds() -> None:
+    generator = torch.Generator().manual_seed(3)
+    residual = torch.randn(12, 11, generator=generator)
+    residual[0, 2], residual[1, 5], residual[2, 8] = 99.0, -99.0, 99.0  # latent state, position, turn
+    state = EstimatorState(
+        0.02 * torch.randn(12, 3, generator=generator),
+        exp(torch.randn(12, 3, generator=generator)),
+        torch.randn(12, 5, generator=generator),
+    )
+    inputs = [part.requires_grad_() for part in (*state, residual)]
+    found, wanted = moved(state, residual), moved_by_torch(state, residual)
+    for one, other in zip(found, wanted, strict=True):
+        torch.testing.assert_close(one, other)
+    assert found.latent[0, 2] == LARGEST_LATENT
+    assert found.x[1, 0] == -FARTHEST
+    for one, other in zip(slopes_of(found, inputs), slopes_of(wanted, inputs), strict=True):
+        torch.testing.assert_close(one, other)
