@@ -126,7 +126,14 @@ def test_progress_counts_up_to_all(agent):
 
 @pytest.mark.parametrize(
     "settings",
-    [{"sizes": 2}, {"num_envs": 0}, {"episodes_per_goal": 0}, {"goals_per_case": 30}, {"goals": "cubic"}],
+    [
+        {"sizes": 2},
+        {"estimator": "kalmann"},
+        {"num_envs": 0},
+        {"episodes_per_goal": 0},
+        {"goals_per_case": 30},
+        {"goals": "cubic"},
+    ],
 )
 def test_bad_arguments_are_refused(agent, settings):
     with pytest.raises(EvaluationError, match="allowed"):
