@@ -116,6 +116,7 @@ def evaluate(
     given: str = "true",
     scaling: Literal["nominal", "random"] = "nominal",
     sizes: int = 1,
+    estimator: Literal["own", "kalman"] = "own",
     num_envs: int = 16,
     num_workers: int = 1,
 ) -> int:
@@ -132,6 +133,7 @@ def evaluate(
         given: The mesh the agent is told of: true, nominal, each, or an object's name.
         scaling: Nominal sizes, or random extents.
         sizes: Random sizes an object.
+        estimator: What tells the agent of the pose: own, or a Kalman filter in its place.
         num_envs: Environments stepped together.
         num_workers: Processes that simulate.
     """
@@ -139,7 +141,7 @@ def evaluate(
 
     summary = evaluate_to(
         agent, out, objects=objects, episodes_per_goal=episodes_per_goal, seed=seed, given=given, scaling=scaling,
-        sizes=sizes, num_envs=num_envs, num_workers=num_workers,
+        sizes=sizes, estimator=estimator, num_envs=num_envs, num_workers=num_workers,
     )  # fmt: skip
     print(json.dumps(summary), flush=True)
     return 0
@@ -182,6 +184,7 @@ def measure_estimator(
     agent: Annotated[Path, arg(metavar="DIR")],
     objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "geometric8",
     closed_loop: bool = False,
+    estimator: Literal["own", "kalman"] = "own",
     episodes: Annotated[int, arg(metavar="N")] = 512,
     seed: Annotated[int, arg(metavar="S")] = 0,
 ) -> int:
@@ -194,12 +197,13 @@ def measure_estimator(
         agent: The agent's directory.
         objects: Object sets, names or ids, separated by commas.
         closed_loop: The policy is told the estimate, as in every evaluation; otherwise the truth.
+        estimator: Own, or a Kalman filter in its place, which an oracle can be measured with too.
         episodes: How many, all at once.
         seed: Of the episodes.
     """
     from reproduce.estimator import measure, table
 
-    print(table(measure(agent, objects, not closed_loop, episodes, seed)))
+    print(table(measure(agent, objects, not closed_loop, episodes, seed, estimator)))
     return 0
 
 

@@ -35,12 +35,17 @@ def settings_of(agent: Path, steps: int, cell: str, loss: str, closed_loop: bool
     return RunConfig.preset("tactile-compiled", changes)
 
 
-def measure(agent: Path, objects: str, truth: bool, episodes: int, seed: int) -> list[dict[str, Any]]:
+def measure(
+    agent: Path, objects: str, truth: bool, episodes: int, seed: int, estimator: str = "own"
+) -> list[dict[str, Any]]:
     """One row a class of Table I, and one over all: ``class`` and the figures of ``evaluation.estimates.Followed``."""
     from tactile_kit.agents.agent import load_agent
     from tactile_kit.evaluation.estimates import follow
+    from tactile_kit.evaluation.estimators import ESTIMATORS
 
-    followed = follow(load_agent(agent), objects, truth=truth, episodes=episodes, seed=seed)
+    followed = follow(
+        ESTIMATORS[estimator](load_agent(agent)), objects, truth=truth, episodes=episodes, seed=seed
+    )
     classes = [(row["name"], row["ids"]) for row in paper_values("table1")["rows"]]
     everything = sorted(set(followed.object_id.tolist()))
     rows = [("All", everything), *((name, [i for i in ids if i in everything]) for name, ids in classes)]

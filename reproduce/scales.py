@@ -75,7 +75,7 @@ class RunGroup(Part):
 class EvaluationGroup(Part):
     """One evaluation of several runs, at the sizes of this scale."""
 
-    name: Literal["nominal", "complex", "extent-true", "extent-fixed", "confusion"]
+    name: Literal["nominal", "complex", "extent-true", "extent-fixed", "confusion", "kalman"]
     runs: tuple[str, ...] = Field(min_length=1, description="Run names without the seed.")
     seeds: tuple[NonNegativeInt, ...] | None = Field(
         None, description="Which of their seeds; all by default."
@@ -86,6 +86,7 @@ class EvaluationGroup(Part):
         1, description="Prepared sizes an object; the paper's environments where random."
     )
     given: Literal["true", "nominal", "each"] = Field("true", description="The mesh the agent is told of.")
+    estimator: Literal["own", "kalman"] = Field("own", description="What tells the agent of the pose.")
     episodes_per_goal: PositiveInt = 1
     goals_per_case: int = Field(
         24, ge=1, le=24, description="Goals of the 24 drawn for each object, size and mesh."

@@ -65,6 +65,7 @@ def evaluation_settings(plan: Plan, evaluation: Evaluation) -> dict[str, Any]:
         "scaling": group.scaling,
         "sizes": group.sizes,
         "given": group.given,
+        "estimator": group.estimator,
         "episodes_per_goal": group.episodes_per_goal,
         "goals_per_case": group.goals_per_case,
         "seed": plan.scale.seed,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +32,7 @@ class Agent:
         manifest: agent.json.
         task: the task it was trained on.
         policy: the actor, in evaluation mode.
-        estimator: cell of a tactile agent, else None.
+        estimator: cell of a tactile agent, or what stands in for it (:meth:`told_by`); None where the truth is seen.
     """
 
     directory: Path
@@ -44,6 +44,13 @@ class Agent:
     @property
     def kind(self) -> str:
         return self.manifest.kind
+
+    def told_by(self, estimator: Any) -> Agent:
+        """The same policy, told what ``estimator`` believes: of another agent, or one that learns nothing.
+
+        An oracle's policy is told poses alone, for it does not read uncertainties.
+        """
+        return replace(self, estimator=estimator)
 
     @torch.no_grad()
     def act(
@@ -80,11 +87,11 @@ class Agent:
         episodes: Iterable | None = None,
         variants: Variants | None = None,
     ):
-        """The environment this agent acts in, for evaluation: the true pose for an oracle, its own estimate (never
-        the truth, no training) for a tactile agent. ``config`` defaults to the task it was trained on, ``variants`` to
+        """The environment this agent acts in, for evaluation: the true pose where it has no estimator, else the
+        estimate (never the truth, no training). ``config`` defaults to the task it was trained on, ``variants`` to
         those of ``config``."""
         config = self.task if config is None else config
-        if self.kind == "oracle":
+        if self.estimator is None:
             from tactile_kit.task.vec_env import ReorientVecEnv
 
             return ReorientVecEnv(
@@ -97,8 +104,9 @@ class Agent:
             )
         from tactile_kit.ecrl import TactileVecEnv
 
+        reads = any(name == "sigma" for name, _ in self.manifest.layout)
         return TactileVecEnv(
-            config,
+            config.model_copy(update={"sigma_in_observation": reads}),
             num_envs=num_envs,
             num_workers=num_workers,
             seed=seed,

@@ -1,175 +1,186 @@
-"""Kalman baseline: what fingertip geometry alone tells of the object's pose, without learning.
+"""Kalman baseline: what contact geometry alone tells of the object's pose, without learning.
 
-An error-state extended Kalman filter (filterpy) on position and orientation. Prediction: the touching
-fingertips carry the object along as a rigid body. Correction: where a finger is loaded, the distance from
-its tip capsule's axis to the object's surface is the capsule's radius; a tip that would stand inside the
-object counts as touching too. A finger touches when the control error of its flexion joints is large: the
-hand has no other sense.
+An error-state unscented Kalman filter on position and orientation: the state of the filter is the error of the
+estimate, ``(dx, dr)`` with x = x̂ + dx and R = exp(dr) R̂, so that six numbers without constraints describe it.
+Prediction: the pads that press carry the object along as a rigid body, at every sigma point as it would be held there.
+Correction: a finger that presses stands on the surface; one that does not press may be anywhere outside it; and a
+held object is near the centre of the hand.
 
 It has the cell's interface, so that it can stand in for it wherever a belief is needed.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any, NamedTuple
+
 import torch
-import trimesh
-from filterpy.kalman import ExtendedKalmanFilter
-from numpy.typing import NDArray
 from pydantic import Field
 from torch import Tensor
 
+from tactile_kit.estimator.cell import FARTHEST, MEASUREMENTS
 from tactile_kit.estimator.errors import EstimatorError
+from tactile_kit.estimator.fingers import FINGERS, MEMORY, RADII, SPHERES, Fingers, fingers
+from tactile_kit.estimator.fits import fits
+from tactile_kit.estimator.so3 import log
 from tactile_kit.estimator.state import EstimatorState
-from tactile_kit.hand import kinematics
-from tactile_kit.shape import Encoding
-from tactile_kit.task import rotations
+from tactile_kit.estimator.turn import turned
+from tactile_kit.estimator.unscented import Unscented
+from tactile_kit.shape.moving import surface_vectors
 from tactile_kit.task.config import Settings
 
-Array = NDArray[np.float64]
-
-SAMPLES = 6
-AXIS_POINTS = 3  # along the tip capsule's axis: 9 mm apart, against a radius of 14 mm
+N = 6  # dx, dr
+COVARIANCE = N * N
 
 
 class KalmanConfig(Settings):
-    """Noise of the filter. All standard deviations; chosen by the sizes of the effects, not fitted."""
+    """Noise of the filter, standard deviations: what the models miss where an oracle acts (docs/kalman.md)."""
 
     start_position: float = Field(
-        default=0.015, gt=0, description="m, of the object about the nominal centre."
+        default=0.005, gt=0, description="m, of the object about the nominal centre."
     )
     start_rotation: float = Field(default=0.02, gt=0, description="rad; the start orientation is known.")
-    position_noise: float = Field(default=0.002, gt=0, description="m a step.")
-    rotation_noise: float = Field(
-        default=0.06, gt=0, description="rad a step; an object turns some 0.1 rad a step."
+    position_noise: float = Field(default=0.003, gt=0, description="m a step, of what the pads carry.")
+    rotation_noise: float = Field(default=0.08, gt=0, description="rad a step, likewise.")
+    contact_noise: float = Field(default=0.006, gt=0, description="m, of a finger's distance to the surface.")
+    home: float = Field(default=0.015, gt=0, description="m, of a held object about the nominal centre.")
+    pressed: float = Field(
+        default=0.5, gt=0, lt=1, description="From this share on (estimator/fits.py) a finger presses."
     )
-    contact_noise: float = Field(
-        default=0.003, gt=0, description="m, distance of a touching tip to the surface."
+    alpha: float = Field(default=1.0, gt=0, le=1, description="How far out the sigma points are: times √6 σ.")
+    largest_position: float = Field(
+        default=0.03, gt=0, description="m, beyond which no deviation grows: a hand is no larger."
     )
-    contact_error: float = Field(
-        default=0.04, gt=0, description="rad, flexion control error of a touching finger."
-    )
-    gate: float = Field(
-        default=4.0, gt=0, description="Contacts further off than this many deviations are left out."
-    )
-    carry: bool = Field(
-        default=True, description="Touching tips carry the object; else it is predicted to rest."
-    )
+    largest_rotation: float = Field(default=0.8, gt=0, description="rad, likewise, of each axis.")
     distance_unit: float = Field(
         default=0.01, gt=0, description="m, unit of sigma_v, as the learned estimator's."
     )
 
 
 class KalmanFilter:
-    """Pose filter over a batch of environments; ``latent`` of its state is the covariance, ``(B, 36)``."""
+    """Pose filter over a batch of environments; of its state ``latent (B, 36 + MEMORY)`` are covariance and fingers."""
 
     def __init__(self, config: KalmanConfig | None = None) -> None:
-        self.config = config or KalmanConfig()
+        self.config = config = config or KalmanConfig()
+        self.unscented = Unscented(N, alpha=config.alpha, beta=2.0, kappa=0.0)
+        self.process_noise = _diagonal(config.position_noise, config.rotation_noise)
+        deviations = [config.contact_noise] * FINGERS + [config.home] * 3
+        self.contact_noise = torch.diag(torch.tensor(deviations, dtype=torch.float64) ** 2)
 
     def initial(self, R0: Tensor) -> EstimatorState:
         """State at an episode's start: orientation ``(B, 3, 3)`` given, position at the origin."""
         config, count = self.config, len(R0)
-        spread = torch.tensor([config.start_position**2] * 3 + [config.start_rotation**2] * 3, dtype=R0.dtype)
-        covariance = torch.diag(spread).flatten().repeat(count, 1)
-        return EstimatorState(torch.zeros(count, 3, dtype=R0.dtype), R0.clone(), covariance)
+        spread = _diagonal(config.start_position, config.start_rotation).to(R0.dtype)
+        latent = torch.cat([spread.flatten().repeat(count, 1), R0.new_zeros(count, MEMORY)], dim=1)
+        return EstimatorState(R0.new_zeros(count, 3), R0.clone(), latent)
 
-    def __call__(self, state: EstimatorState, z: Tensor, encoding: Encoding, mesh: Tensor) -> EstimatorState:
+    @torch.no_grad()
+    def __call__(self, state: EstimatorState, z: Tensor, encoding: Any, mesh: Tensor) -> EstimatorState:
         """One prediction and correction; arguments and result as for ``EstimatorCell``. Of ``encoding`` the meshes."""
-        if z.shape[-1] != SAMPLES * 2 * kinematics.JOINTS:
-            raise EstimatorError(
-                f"measurements have {z.shape[-1]} entries, allowed: {SAMPLES * 2 * kinematics.JOINTS}"
-            )
-        windows = z.detach().double().numpy().reshape(len(z), SAMPLES, 2, kinematics.JOINTS)
-        rows = []
-        for n, window in enumerate(windows):
-            pose = state.x[n].double().numpy(), state.R[n].double().numpy()
-            covariance = state.latent[n].double().numpy().reshape(6, 6)
-            rows.append(self._update(*pose, covariance, window, encoding.meshes.triangles(int(mesh[n]))))
-        x, R, covariance = (np.array(part) for part in zip(*rows, strict=True))
-        parts = (x, R, covariance.reshape(len(z), 36))
-        return EstimatorState(*(torch.from_numpy(part).to(state.x.dtype) for part in parts))
+        if z.shape[-1] != MEASUREMENTS:
+            raise EstimatorError(f"measurements have {z.shape[-1]} entries, allowed: {MEASUREMENTS}")
+        nowhere = torch.zeros(1, len(z), dtype=torch.bool)
+        (seen,) = fingers(z[None], nowhere, state.latent[:, COVARIANCE:]).steps()
+        hand = Held(seen, encoding.meshes, mesh)
+        at, P = Pose(state.x.float(), state.R.float()), _covariance(state)
+        carried = hand.carried(at)
+        error, P = self.unscented.predict(
+            P.new_zeros(len(z), N), P, lambda points: process(hand, at, carried, points), self.process_noise
+        )
+        pressing = hand.shares(carried.moved(error)) > self.config.pressed
+        error, P = self.unscented.update(
+            error, P, lambda points: contacts(hand, carried, pressing, points), self.contact_noise
+        )
+        after, P = carried.moved(error), self._bounded(P)
+        latent = torch.cat([P.flatten(1).to(state.latent.dtype), seen.memory.to(state.latent.dtype)], dim=1)
+        return EstimatorState(after.x.to(state.x.dtype), after.R.to(state.R.dtype), latent)
 
     def sigmas(self, state: EstimatorState) -> Tensor:
         """σ_v (in ``distance_unit``) and σ_R (rad) from the covariance: ``(B, 2)``."""
-        variance = state.latent.reshape(-1, 6, 6).diagonal(dim1=1, dim2=2)
-        position = (variance[:, :3].mean(dim=1)).sqrt() / self.config.distance_unit
-        return torch.stack([position, variance[:, 3:].sum(dim=1).sqrt()], dim=1)
+        variance = _covariance(state).diagonal(dim1=1, dim2=2)
+        position = variance[:, :3].mean(dim=1).sqrt() / self.config.distance_unit
+        sigmas = torch.stack([position, variance[:, 3:].sum(dim=1).sqrt()], dim=1)
+        return sigmas.to(state.latent.dtype)
 
-    def _update(self, x: Array, R: Array, covariance: Array, window: Array, triangles: Array):
+    def _bounded(self, P: Tensor) -> Tensor:
+        """P, scaled where a deviation is beyond the largest: without contact it would grow without end."""
         config = self.config
-        before = kinematics.link_frames(window[0, 0])[:, 3]
-        after = kinematics.link_frames(window[-1, 0])[:, 3]
-        error = np.abs(window[-1, 1].reshape(kinematics.FINGERS, kinematics.DRIVEN)[:, 1:]).max(axis=1)
-        touching = error > config.contact_error
-        if config.carry:
-            x, R = self._carried(x, R, before, after, touching, triangles)
-        ekf = ExtendedKalmanFilter(dim_x=6, dim_z=1)
-        ekf.x = np.zeros(6)
-        ekf.P = covariance.copy()
-        ekf.Q = np.diag([config.position_noise**2] * 3 + [config.rotation_noise**2] * 3)
-        ekf.predict()
-        for finger in range(kinematics.FINGERS):
-            distance, surface, normal = _contact(after[finger], x, R, triangles)
-            gap = distance - kinematics.DISTAL.capsule.radius
-            if not (touching[finger] or gap < 0):
-                continue
-            # the surface point moves with the object: its distance to the fixed tip shrinks by n . (dx + dr
-            # x (c - x))
-            slope = -np.concatenate([normal, np.cross(surface - x, normal)])[None]
-            if gap**2 > config.gate**2 * ((slope @ ekf.P @ slope.T).item() + config.contact_noise**2):
-                continue
-            ekf.update(
-                np.zeros(1),
-                lambda _, slope=slope: slope,
-                lambda _, gap=gap: np.array([gap]),
-                R=config.contact_noise**2,
-            )
-            # the error is moved into the pose at once, so that the next finger sees the corrected one
-            x, R = x + ekf.x[:3], rotations.exp(ekf.x[3:]) @ R
-            ekf.x = np.zeros(6)
-        return x, R, 0.5 * (ekf.P + ekf.P.T)
-
-    def _carried(self, x: Array, R: Array, before: Array, after: Array, touching: Array, triangles: Array):
-        """Pose moved by the rigid motion that fits the touching tips' skin best, damped where they say little."""
-        equations, moves = [], []
-        for finger in np.flatnonzero(touching):
-            _, surface, _ = _contact(before[finger], x, R, triangles)
-            local = before[finger, :3, :3].T @ (surface - before[finger, :3, 3])
-            # the window spans 5 of the step's 6 sampling intervals
-            move = (after[finger, :3, :3] @ local + after[finger, :3, 3] - surface) * SAMPLES / (SAMPLES - 1)
-            lever = surface - x
-            cross = np.array([[0, lever[2], -lever[1]], [-lever[2], 0, lever[0]], [lever[1], -lever[0], 0]])
-            equations.append(np.hstack([np.eye(3), cross]) / self.config.contact_noise)
-            moves.append(move / self.config.contact_noise)
-        if not equations:
-            return x, R
-        # rest is the prior, with a step's noise widened threefold: one or two tips don't fix a rotation
-        prior = np.diag(
-            [1 / (3 * self.config.position_noise)] * 3 + [1 / (3 * self.config.rotation_noise)] * 3
+        largest = torch.tensor(
+            [config.largest_position] * 3 + [config.largest_rotation] * 3, dtype=torch.float64
         )
-        system, right = np.vstack([*equations, prior]), np.concatenate([*moves, np.zeros(6)])
-        twist = np.linalg.lstsq(system, right, rcond=None)[0]
-        return x + twist[:3], rotations.exp(twist[3:]) @ R
+        shrink = (largest / P.diagonal(dim1=1, dim2=2).sqrt()).clamp(max=1.0)
+        return shrink[:, :, None] * P * shrink[:, None, :]
 
 
-def _contact(frame: Array, x: Array, R: Array, triangles: Array) -> tuple[float, Array, Array]:
-    """Signed distance from a tip capsule's axis to the posed mesh, the surface point, and the normal there (world)."""
-    capsule = kinematics.DISTAL.capsule
-    along = np.linspace(capsule.start, capsule.end, AXIS_POINTS)
-    points = (frame[:3, 3] + along[:, None] * frame[:3, kinematics.DISTAL.axis] - x) @ R
-    count = len(triangles)
-    tiled = np.broadcast_to(triangles, (len(points), count, 3, 3)).reshape(-1, 3, 3)
-    nearest = trimesh.triangles.closest_point(tiled, np.repeat(points, count, axis=0)).reshape(
-        len(points), count, 3
-    )
-    offsets = points[:, None] - nearest
-    squared = (offsets**2).sum(-1)
-    point, triangle = np.unravel_index(squared.argmin(), squared.shape)
-    a, b, c = triangles[triangle]
-    face = np.cross(b - a, c - a)
-    face /= np.linalg.norm(face)
-    offset, distance = offsets[point, triangle], float(np.sqrt(squared[point, triangle]))
-    # on the surface itself the offset has no direction, inside it points inwards
-    side = 1.0 if offset @ face >= 0 else -1.0
-    normal = side * offset / distance if distance > 1e-9 else face
-    return side * distance, R @ nearest[point, triangle] + x, R @ normal
+class Pose(NamedTuple):
+    """x ``(B, 3)`` m, R ``(B, 3, 3)``; float32."""
+
+    x: Tensor
+    R: Tensor
+
+    def moved(self, error: Tensor) -> Pose:
+        """The pose that is off by ``error (B, 6)``: m, rad."""
+        dx, dr = error.float().split(3, dim=1)
+        return Pose((self.x + dx).clamp(-FARTHEST, FARTHEST), turned(self.R, dr))
+
+    def repeated(self, times: int) -> Pose:
+        return Pose(self.x.repeat(times, 1), self.R.repeat(times, 1, 1))
+
+
+class Held:
+    """One step's fingers of B environments about their meshes, asked at poses ``(k B, ...)``: k rounds of all B."""
+
+    def __init__(self, seen: Fingers, meshes: Any, mesh: Tensor) -> None:
+        self.seen, self.meshes, self.mesh = seen, meshes, mesh
+
+    def carried(self, at: Pose) -> Pose:
+        """The poses after the motion that the pads that press there must have given the object."""
+        return at.moved(self._fits(at)[:, :N])
+
+    def shares(self, at: Pose) -> Tensor:
+        """How surely each finger presses: ``(k B, 4)`` in [0, 1]."""
+        return self._fits(at)[:, 2 * N :]
+
+    def gaps(self, at: Pose) -> Tensor:
+        """Clearance of each finger, that of its nearest sphere: ``(k B, 4)`` m, below zero where it is inside."""
+        clearance = self._vectors(at).norm(dim=-1) - RADII
+        return clearance.unflatten(1, (FINGERS, SPHERES)).amin(dim=-1)
+
+    def _vectors(self, at: Pose) -> Tensor:
+        times = len(at.x) // len(self.mesh)
+        return surface_vectors(
+            self.meshes, at.x, at.R, self.seen.points.repeat(times, 1, 1), self.mesh.repeat(times)
+        )
+
+    def _fits(self, at: Pose) -> Tensor:
+        times = len(at.x) // len(self.mesh)
+        push, move = self.seen.push.repeat(times, 1, 1), self.seen.move.repeat(times, 1, 1)
+        return fits(self.seen.points.repeat(times, 1, 1), self._vectors(at), at.x, push, move)
+
+
+def process(hand: Held, at: Pose, carried: Pose, points: Tensor) -> Tensor:
+    """Errors ``(k, B, 6)`` about ``at`` to errors about ``carried``, where the estimate itself is carried to."""
+    times = len(points)
+    after = hand.carried(at.repeated(times).moved(points.flatten(0, 1)))
+    x, R = carried.repeated(times)
+    turn = log(after.R.double() @ R.double().transpose(1, 2))
+    return torch.cat([(after.x - x).double(), turn], dim=1).view_as(points)
+
+
+def contacts(hand: Held, at: Pose, pressing: Tensor, points: Tensor) -> Tensor:
+    """What should be zero at errors ``(k, B, 6)`` about ``at``: ``(k, B, 7)`` m.
+
+    The clearance of a finger that presses (``pressing (B, 4)``); of any other, how far it would be inside; and the
+    position, for an object that is not near the centre is not held.
+    """
+    there = at.repeated(len(points)).moved(points.flatten(0, 1))
+    gaps = hand.gaps(there).double().view(len(points), -1, FINGERS)
+    gaps = torch.where(pressing, gaps, gaps.clamp(max=0.0))
+    return torch.cat([gaps, there.x.double().view(len(points), -1, 3)], dim=2)
+
+
+def _diagonal(position: float, rotation: float) -> Tensor:
+    return torch.diag(torch.tensor([position**2] * 3 + [rotation**2] * 3, dtype=torch.float64))
+
+
+def _covariance(state: EstimatorState) -> Tensor:
+    return state.latent[:, :COVARIANCE].double().reshape(-1, N, N)

@@ -64,6 +64,16 @@ def test_the_same_call_gives_the_same_rows(agent):
     assert evaluate(agent, "cube", seed=5, **SMALL) == evaluate(agent, "cube", seed=5, **SMALL)
 
 
+def test_a_filter_in_the_estimators_place_plays_the_same_episodes(agent):
+    own, told = (
+        evaluate(agent, "cube", seed=5, **SMALL),
+        evaluate(agent, "cube", seed=5, estimator="kalman", **SMALL),
+    )
+    assert [(r.goal, r.seed, r.episode) for r in own] == [(r.goal, r.seed, r.episode) for r in told]
+    assert [r.theta for r in own] != [r.theta for r in told]  # the oracle is told estimates
+    assert not any(r.fault for r in told) and agent.estimator is None
+
+
 def test_all_agents_are_evaluated_alike(agent):
     task = evaluation_task(agent.task, "paper", 0)
     assert agent.task.gravity == 5.0 and agent.task.randomization == "none"  # what it was trained under
@@ -116,7 +126,14 @@ def test_progress_counts_up_to_all(agent):
 
 @pytest.mark.parametrize(
     "settings",
-    [{"sizes": 2}, {"num_envs": 0}, {"episodes_per_goal": 0}, {"goals_per_case": 30}, {"goals": "cubic"}],
+    [
+        {"sizes": 2},
+        {"estimator": "kalmann"},
+        {"num_envs": 0},
+        {"episodes_per_goal": 0},
+        {"goals_per_case": 30},
+        {"goals": "cubic"},
+    ],
 )
 def test_bad_arguments_are_refused(agent, settings):
     with pytest.raises(EvaluationError, match="allowed"):

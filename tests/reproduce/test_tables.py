@@ -39,9 +39,16 @@ def test_table1_holds_the_rates_of_the_files(world, tmp_path):
             "nominal",
             [row for i in range(13) for row in world.draw(role, THINGS[i], successes[role][i], 12)],
         )
+    filtered = [row for i in range(13) for row in world.draw(TACTILE, THINGS[i], 2 + i % 3, 12)]
+    world.evaluated(TACTILE, "kalman", filtered)
     cells, tex = tables(world, "table1", tmp_path)
     columns = ("Oracle VecBPS", "Oracle Pos", "Estimator VecBPS", "Estimator Pos")
-    assert set(cells) == set(PAPER) | {(row, "Planner (privileged)") for row in CLASSES}
+    beside = ("Kalman filter", "Planner (privileged)")
+    assert set(cells) == set(PAPER) | {(row, column) for column in beside for row in CLASSES}
+    for row, ids in CLASSES.items():
+        cell = cells[row, "Kalman filter"]
+        assert (cell.successes, cell.n, cell.paper) == (sum(2 + i % 3 for i in ids), 12 * len(ids), None)
+        assert cell.status == "measured" and cell.runs == f"{TACTILE}-s0" and cell.steps_trained == "123456"
     for role, column in zip(BENCHMARK, columns, strict=True):
         for row, ids in CLASSES.items():
             cell = cells[row, column]
@@ -63,11 +70,11 @@ def test_a_missing_run_is_missing_and_never_a_number(world, tmp_path):
     world.absent(BENCHMARK[3])
     cells, tex = tables(world, "table1", tmp_path)
     for (_, column), cell in cells.items():
-        if column in ("Estimator Pos", "Planner (privileged)"):
+        if column in ("Estimator Pos", "Kalman filter", "Planner (privileged)"):
             assert (cell.status, cell.ours, cell.low, cell.high, cell.n) == ("missing", None, None, None, 0)
         else:
             assert cell.status == "measured"
-    assert tex.count("missing") == 6
+    assert tex.count("missing") == 9
     with (tmp_path / "table1.csv").open(newline="") as file:
         assert [line["ours"] for line in csv.DictReader(file) if line["column"] == "Estimator Pos"] == [
             "",

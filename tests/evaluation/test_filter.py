@@ -1,0 +1,48 @@
+"""The Kalman filter beside a shipped policy in the compiled physics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from tactile_kit.agents.agent import load_agent
+from tactile_kit.estimator import KalmanFilter
+from tactile_kit.evaluation.estimates import follow
+
+pytestmark = pytest.mark.slow
+
+ORACLE = Path(__file__).parents[2] / "results" / "agents" / "oracle-vec_bps-geometric8-s0"
+
+
+class Resting(KalmanFilter):
+    """Believes for ever what it is told at the start."""
+
+    def __call__(self, state, z, encoding, mesh):
+        return state
+
+
+@pytest.fixture(scope="module")
+def followed():
+    torch.set_num_threads(1)
+    oracle = load_agent(ORACLE)
+    return {
+        name: follow(oracle.told_by(told), "cube", truth=True, episodes=32, seed=1)
+        for name, told in (("filter", KalmanFilter()), ("rest", Resting()))
+    }
+
+
+def test_the_policy_that_is_told_the_truth_plays_the_same_whoever_follows(followed) -> None:
+    np.testing.assert_array_equal(followed["filter"].goal, followed["rest"].goal)
+    assert followed["filter"].figures()["success"] > 0.8
+
+
+def test_the_filter_follows_for_a_while_and_says_less_and_less_surely(followed) -> None:
+    found, rest = followed["filter"].figures(), followed["rest"].figures()
+    assert found["mean_1s"] < 0.85 * rest["mean_1s"]
+    sigma = followed["filter"].sigma
+    assert np.nanmean(sigma[0]) < 0.5 * np.nanmean(sigma[20])
+    assert np.nanmax(sigma) < 3**0.5 * 0.8 + 1e-6
+    assert np.nanmax(np.abs(followed["filter"].position)) < 0.2
