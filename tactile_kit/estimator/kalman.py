@@ -17,12 +17,13 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
-from tactile_kit.estimator.cell import FARTHEST, MEASUREMENTS
+from tactile_kit.estimator.cell import MEASUREMENTS
 from tactile_kit.estimator.errors import EstimatorError
 from tactile_kit.estimator.fingers import FINGERS, MEMORY, RADII, SPHERES, Fingers, fingers
 from tactile_kit.estimator.fits import fits
 from tactile_kit.estimator.so3 import log
 from tactile_kit.estimator.state import EstimatorState
+from tactile_kit.estimator.step import FARTHEST
 from tactile_kit.estimator.turn import turned
 from tactile_kit.estimator.unscented import Unscented
 from tactile_kit.shape.moving import surface_vectors
