@@ -273,6 +273,47 @@ def film(
     return 0
 
 
+@app.command
+def view(
+    agent: Annotated[Path, arg(metavar="DIR")],
+    objects: Annotated[str, arg(metavar="NAME")] = "l_shape",
+    given: str = "true",
+    extents: Annotated[str, arg(metavar="X,Y,Z")] = "",
+    goal: Annotated[int, arg(metavar="0..23")] = 1,
+    randomization: Annotated[str, arg(metavar="PRESET")] = "default",
+    terms: Annotated[str, arg(metavar="NAME=VALUE[,...]")] = "",
+    seed: Annotated[int, arg(metavar="S")] = 0,
+    record: Annotated[Path | None, arg(metavar="FILE")] = None,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+) -> int:
+    """Look at an agent at work in the browser, or write a replay that opens from disk.
+
+    The page has everything else: run, pause, step, speed, going back, other objects, goals and agents, pushes.
+
+    Args:
+        agent: The agent's directory.
+        objects: The object held: a name, or one object of a set (my_set/mug).
+        given: The mesh the agent is told of: true, or an object's name.
+        extents: Of the object held, cm; nominal by default.
+        goal: Which of the 24 octahedral goals.
+        randomization: Preset or YAML file of domain randomisation.
+        terms: Single terms of it from another preset or as a number, such as force=none,tip_friction=0.5.
+        seed: Of grasp, physics and noise.
+        record: Serve no page but write a replay, .html (a page of its own) or .viser.
+        host: Address to listen on; the default is reached from this machine only.
+        port: Port to listen on; 0 takes any that is free.
+    """
+    import reproduce.view
+
+    choice = reproduce.view.choice_of(objects, given, extents, goal, randomization, terms, seed)
+    if record is not None:
+        reproduce.view.record(agent, choice, record)
+    else:
+        reproduce.view.view(agent, choice, host, port)
+    return 0
+
+
 def main(args: list[str] | None = None) -> int:
     """Entry point; returns the exit status. Errors of the project end with one line, not with a traceback."""
     try:
