@@ -15,7 +15,7 @@ from tactile_kit.view.scene import Lines, Pose, Scene, Shown
 
 LOOPBACK = "127.0.0.1"
 # Where cameras stand, m, and what they look at: the ghost of the goal is then right of the hand.
-EYE, TARGET = np.array([0.36, -0.30, 0.10]), np.array([0.03, 0.06, 0.05])
+EYE, TARGET = np.array([0.42, -0.34, 0.13]), np.array([0.035, 0.065, 0.065])
 
 
 def serve(host: str = LOOPBACK, port: int = 8080) -> viser.ViserServer:
@@ -64,7 +64,7 @@ class Drawing:
     def _add(self, name: str, part: Any) -> None:
         if isinstance(part, Lines):
             self._server.scene.add_line_segments(
-                name, part.segments.astype(np.float32), color=part.colour, line_width=part.width
+                name, part.segments.astype(np.float32), colors=part.colour, line_width=part.width
             )
             return
         vertices, faces = part.mesh
@@ -105,7 +105,7 @@ class Drawing:
                 self._vectors.visible = False
         elif self._vectors is None:
             self._vectors = self._server.scene.add_line_segments(
-                "/view/vectors", points, color=BASIS, line_width=1.5
+                "/view/vectors", points, colors=BASIS, line_width=1.5
             )
         else:
             self._vectors.points, self._vectors.visible = points, True

@@ -35,7 +35,8 @@ ESTIMATE: Colour = (20, 20, 20)
 TOUCH: Colour = (230, 30, 30)
 BASIS: Colour = (110, 60, 160)
 SHARP = np.deg2rad(20.0)  # between faces, from which their edge is drawn
-WRIST = np.array([0.0, 0.0, 0.035])  # of the palm's back, hand frame, m; no public drawing of it exists
+# The palm's back, an ellipsoid in the hand frame, m: to be seen only, no public drawing of it exists.
+WRIST, ROUND = np.array([0.0, -0.005, 0.045]), np.array([0.042, 0.052, 0.02])
 
 
 def painted(thing: Object) -> Iterator[tuple[Colour, Mesh]]:
@@ -84,7 +85,7 @@ def ball(radius: float) -> Mesh:
 def palm() -> Mesh:
     """What holds the fingers, world frame: around their bases and back to the wrist. To be seen; it touches nothing."""
     sphere = trimesh.creation.icosphere(subdivisions=1, radius=0.017).vertices
-    wrist = trimesh.creation.icosphere(subdivisions=2, radius=0.030).vertices
+    wrist = trimesh.creation.icosphere(subdivisions=2).vertices * ROUND
     base = kinematics.FINGER_POSITIONS - np.array([0.0, 0.0, 0.012])
     points = np.concatenate([(base[:, None] + sphere).reshape(-1, 3), wrist + WRIST])
     mesh = trimesh.Trimesh(points, ConvexHull(points).simplices, process=True)

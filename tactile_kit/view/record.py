@@ -66,18 +66,20 @@ class _Board:
         self._scene, self._clip, self._length = server.scene, clip, max(10.0, float(clip.times[-1]))
         corners = np.array([[0, 1], [0, 0], [1, 0]])
         frame = np.stack([self._points(corners[:2]), self._points(corners[1:])])
-        self._scene.add_line_segments("/board/axes", frame, (120, 120, 120), line_width=1.5)
+        self._scene.add_line_segments("/board/axes", frame, colors=(120, 120, 120), line_width=1.5)
         limit = self._points(np.array([[0, 1], [1, 1]]) * [1, clip.success_angle / captions.WIDEST])
-        self._scene.add_line_segments("/board/limit", limit[None], (0, 158, 115), line_width=1.0)
-        self._title = self._label("title", captions.title(clip), 2.9)
-        self._line = self._label("line", "", 2.6)
-        self._verdict = self._label("verdict", "", 2.3)
-        self._label("goal", "goal", 0, ASIDE + 0.07 * UP)
+        self._scene.add_line_segments("/board/limit", limit[None], colors=(0, 158, 115), line_width=1.0)
+        self._label("title", captions.title(clip), ASIDE + 0.20 * UP)
+        self._line = self._label("line", "", ASIDE + 0.18 * UP)
+        self._verdict = self._label("verdict", "", ASIDE + 0.16 * UP)
+        self._label("goal", "goal", ASIDE + 0.07 * UP)
+        for number, (name, _, _) in enumerate(captions.curves(clip)):
+            text = f"{'blue' if number == 0 else 'orange'}: {name}, 0 to 3.14 rad"
+            self._label(name, text, BOARD + 0.5 * WIDTH * RIGHT + (HEIGHT - 0.015 * number) * UP)
         self._lines: dict[str, Any] = {}
 
-    def _label(self, name: str, text: str, height: float, place: NDArray | None = None) -> Any:
-        at = BOARD + RIGHT * 0 + UP * HEIGHT * (height + 0.9) if place is None else place
-        return self._scene.add_label(f"/board/{name}", text, position=at)
+    def _label(self, name: str, text: str, place: NDArray) -> Any:
+        return self._scene.add_label(f"/board/label {name}", text, position=place, anchor="center-center")
 
     def _points(self, shares: NDArray) -> NDArray[np.float32]:
         """``(N, 2)`` shares of width and height to ``(N, 3)`` m."""
@@ -98,5 +100,5 @@ class _Board:
                 self._lines[name].points = segments
             else:
                 self._lines[name] = self._scene.add_line_segments(
-                    f"/board/{name}", segments, colour, line_width=2.5
+                    f"/board/{name}", segments, colors=colour, line_width=2.5
                 )

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 LAYERS = ("hand", "goal", "estimate", "contacts", "basis")  # that can be left out
 LINKS = ((1, kinematics.PROXIMAL), (2, kinematics.MIDDLE), (3, kinematics.DISTAL))
 TOUCHES = 12  # contacts shown at once, the strongest
+OVER = 1.02  # larger than life, so that an estimate that is right is seen around the object
 STILL = Pose(np.zeros(3), np.eye(3))
 # Of the ghost, m: beside the object as the cameras below see it, clear of the fingers.
 ASIDE = np.array([0.115, 0.165, -0.005])
@@ -94,7 +95,7 @@ class Scene:
         ghost = [Solid(f"side{i}", mesh, c, 0.45) for i, (c, mesh) in enumerate(coloured)]
         outline = Lines("edges", look.edges(self.clip.held), (90, 90, 90), 1.0)
         yield Group("goal", (*ghost, outline), "goal")
-        believed = Lines("edges", look.edges(self.clip.given), look.ESTIMATE)
+        believed = Lines("edges", OVER * look.edges(self.clip.given), look.ESTIMATE)
         yield Group("estimate", (believed,), "estimate")
         for number in range(TOUCHES):
             yield Group(f"touch{number}", (Solid("mark", look.ball(0.0035), look.TOUCH),), "contacts")
