@@ -251,25 +251,29 @@ def film(
     out: Annotated[Path, arg(metavar="FILE")],
     objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "l_shape",
     episodes: int = 1,
+    columns: int = 1,
     seed: int = 0,
     size: int = 320,
 ) -> int:
-    """Film an agent turning objects; the inset shows the goal.
+    """Film an agent turning objects; the goal stands beside, a wire frame is what the agent believes.
 
     Args:
         agent: The agent's directory.
         out: The film to write, .gif or .mp4.
         objects: Object sets, names or ids, separated by commas; episodes take them in turn.
         episodes: How many episodes.
+        columns: How many play side by side; the others follow.
         seed: Of grasps, goals and physics.
-        size: Edge of the picture in pixels, a multiple of 16.
+        size: Edge of a panel in pixels, a multiple of 16.
     """
     from object_sets.storage import check_file_writable
-    from tactile_kit.evaluation.film import film as write_film
+    from tactile_kit.view.film import film as write_film
 
     check_file_writable(out, "--out")
-    pictures = write_film(agent, out, objects=objects, episodes=episodes, seed=seed, size=size)
-    print(f"{out}: {pictures} pictures")
+    clips = write_film(agent, out, objects=objects, episodes=episodes, columns=columns, seed=seed, size=size)
+    for clip in clips:
+        print(f"{clip.held.name}: {clip.verdict()}")
+    print(f"{out}: {len(clips)} episodes, {out.stat().st_size / 1e6:.1f} MB")
     return 0
 
 

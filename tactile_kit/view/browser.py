@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import socket
 from typing import Any
 
@@ -11,11 +13,9 @@ import viser
 from tactile_kit.task.rotations import to_quaternion
 from tactile_kit.view.errors import ViewError
 from tactile_kit.view.look import BASIS
-from tactile_kit.view.scene import Lines, Pose, Scene, Shown
+from tactile_kit.view.scene import EYE, TARGET, Lines, Pose, Scene, Shown
 
 LOOPBACK = "127.0.0.1"
-# Where cameras stand, m, and what they look at: the ghost of the goal is then right of the hand.
-EYE, TARGET = np.array([0.42, -0.34, 0.13]), np.array([0.035, 0.065, 0.065])
 
 
 def serve(host: str = LOOPBACK, port: int = 8080) -> viser.ViserServer:
@@ -33,7 +33,8 @@ def serve(host: str = LOOPBACK, port: int = 8080) -> viser.ViserServer:
         except OSError as problem:
             reason = problem.strerror or str(problem)
             raise ViewError(f"{host}:{port}: {reason}; another port, or 0 for any that is free") from None
-    server = viser.ViserServer(host=host, port=port, verbose=False)
+    with contextlib.redirect_stdout(io.StringIO()):  # a banner, whatever verbose says
+        server = viser.ViserServer(host=host, port=port, verbose=False)
     server.scene.set_up_direction("+z")
     server.initial_camera.position = tuple(EYE)
     server.initial_camera.look_at = tuple(TARGET)
@@ -43,6 +44,12 @@ def serve(host: str = LOOPBACK, port: int = 8080) -> viser.ViserServer:
         control_layout="fixed", control_width="medium", show_logo=False, show_share_button=False
     )
     return server
+
+
+def end(server: viser.ViserServer) -> None:
+    """Take the page down."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server.stop()
 
 
 class Drawing:
@@ -64,7 +71,11 @@ class Drawing:
     def _add(self, name: str, part: Any) -> None:
         if isinstance(part, Lines):
             self._server.scene.add_line_segments(
-                name, part.segments.astype(np.float32), colors=part.colour, line_width=part.width
+                name,
+                part.segments.astype(np.float32),
+                colors=part.colour,
+                thickness=part.width,
+                thickness_units="screen",
             )
             return
         vertices, faces = part.mesh
@@ -105,7 +116,7 @@ class Drawing:
                 self._vectors.visible = False
         elif self._vectors is None:
             self._vectors = self._server.scene.add_line_segments(
-                "/view/vectors", points, colors=BASIS, line_width=1.5
+                "/view/vectors", points, colors=BASIS, thickness=1.5, thickness_units="screen"
             )
         else:
             self._vectors.points, self._vectors.visible = points, True

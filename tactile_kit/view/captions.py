@@ -30,6 +30,12 @@ def title(clip: Clip) -> str:
     return text if clip.given == clip.held else f"{text}, told {clip.given.name}"
 
 
+def sense(clip: Clip) -> str:
+    """What the agent is told of the object."""
+    blind = bool(clip.frames) and clip.frames[0].estimate is not None
+    return "blindfolded: it feels its joints alone" if blind else "it is told the true pose"
+
+
 def line(clip: Clip, frame: Frame) -> str:
     """Clock, angle and error of a frame."""
     text = f"{frame.time:4.1f} s   to the goal {angle_of(clip, frame):.2f} rad"

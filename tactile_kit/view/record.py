@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from object_sets.storage import write_atomic
 from tactile_kit.view import captions
-from tactile_kit.view.browser import Drawing, serve
+from tactile_kit.view.browser import Drawing, end, serve
 from tactile_kit.view.errors import ViewError
 from tactile_kit.view.frames import STEP, Clip, Frame
 from tactile_kit.view.scene import ASIDE, LAYERS, Scene
@@ -34,7 +34,7 @@ def record(clip: Clip, path: str | Path, layers: frozenset[str] = frozenset(LAYE
     server = serve(port=0)
     try:
         drawing, scene = Drawing(server, Scene(clip, layers)), Scene(clip, layers)
-        board = _Board(server, clip)
+        board = _Board(server, clip, scene)
         drawing.show(scene.show(clip.frames[0]))
         board.show(clip.frames[0])
         serializer = server.get_scene_serializer()
@@ -47,7 +47,7 @@ def record(clip: Clip, path: str | Path, layers: frozenset[str] = frozenset(LAYE
         serializer.insert_sleep(HOLD)
         content = serializer.as_html().encode() if path.suffix == ".html" else serializer.serialize()
     finally:
-        server.stop()
+        end(server)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomic(path, content)
     return len(content)
@@ -62,17 +62,21 @@ def check(path: Path) -> None:
 class _Board:
     """Caption and curves as parts of the scene: a replay has no panel."""
 
-    def __init__(self, server: Any, clip: Clip) -> None:
+    def __init__(self, server: Any, clip: Clip, scene: Scene) -> None:
         self._scene, self._clip, self._length = server.scene, clip, max(10.0, float(clip.times[-1]))
         corners = np.array([[0, 1], [0, 0], [1, 0]])
         frame = np.stack([self._points(corners[:2]), self._points(corners[1:])])
-        self._scene.add_line_segments("/board/axes", frame, colors=(120, 120, 120), line_width=1.5)
+        self._scene.add_line_segments(
+            "/board/axes", frame, colors=(120, 120, 120), thickness=1.5, thickness_units="screen"
+        )
         limit = self._points(np.array([[0, 1], [1, 1]]) * [1, clip.success_angle / captions.WIDEST])
-        self._scene.add_line_segments("/board/limit", limit[None], colors=(0, 158, 115), line_width=1.0)
+        self._scene.add_line_segments(
+            "/board/limit", limit[None], colors=(0, 158, 115), thickness=1.0, thickness_units="screen"
+        )
         self._label("title", captions.title(clip), ASIDE + 0.20 * UP)
         self._line = self._label("line", "", ASIDE + 0.18 * UP)
         self._verdict = self._label("verdict", "", ASIDE + 0.16 * UP)
-        self._label("goal", "goal", ASIDE + 0.07 * UP)
+        self._label("goal", "goal", scene.above_goal())
         for number, (name, _, _) in enumerate(captions.curves(clip)):
             text = f"{'blue' if number == 0 else 'orange'}: {name}, 0 to 3.14 rad"
             self._label(name, text, BOARD + 0.5 * WIDTH * RIGHT + (HEIGHT - 0.015 * number) * UP)
@@ -100,5 +104,5 @@ class _Board:
                 self._lines[name].points = segments
             else:
                 self._lines[name] = self._scene.add_line_segments(
-                    f"/board/{name}", segments, colors=colour, line_width=2.5
+                    f"/board/{name}", segments, colors=colour, thickness=2.5, thickness_units="screen"
                 )

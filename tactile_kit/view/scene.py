@@ -22,6 +22,8 @@ LINKS = ((1, kinematics.PROXIMAL), (2, kinematics.MIDDLE), (3, kinematics.DISTAL
 TOUCHES = 12  # contacts shown at once, the strongest
 OVER = 1.02  # larger than life, so that an estimate that is right is seen around the object
 STILL = Pose(np.zeros(3), np.eye(3))
+# Where cameras stand, m, and what they look at: the ghost of the goal is then right of the hand.
+EYE, TARGET = np.array([0.42, -0.34, 0.13]), np.array([0.035, 0.065, 0.065])
 # Of the ghost, m: beside the object as the cameras below see it, clear of the fingers.
 ASIDE = np.array([0.115, 0.165, -0.005])
 
@@ -121,6 +123,10 @@ class Scene:
         hidden = {group.name for group in self.groups if group.layer and group.layer not in self.layers}
         shown = {name: pose for name, pose in poses.items() if name not in hidden}
         return Shown(shown, self._vectors(frame.belief) if "basis" in self.layers else np.empty((0, 2, 3)))
+
+    def above_goal(self) -> Array:
+        """Where the ghost is named, ``(3,)`` m."""
+        return ASIDE + np.array([0.0, 0.0, 0.5 * float(np.linalg.norm(self.clip.held.extents)) + 0.01])
 
     def _vectors(self, belief: Pose) -> Array:
         x = torch.tensor(belief.position[None], dtype=torch.float64)

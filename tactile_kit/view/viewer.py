@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_kit.agents.agent import Agent, load_agent
-from tactile_kit.view.browser import LOOPBACK, Drawing, serve
+from tactile_kit.view.browser import LOOPBACK, Drawing, end, serve
 from tactile_kit.view.choice import Choice
 from tactile_kit.view.controls import Controls
 from tactile_kit.view.episode import Episode
@@ -104,7 +104,7 @@ class Viewer:
 
     def close(self) -> None:
         """End the page and the episode."""
-        self.server.stop()
+        end(self.server)
         self.episode.close()
 
     def _do(self, asked: Callable[[], None]) -> None:
