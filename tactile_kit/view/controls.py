@@ -31,7 +31,6 @@ DIRECTIONS = {
     "+z": (0, 0, 1),
     "-z": (0, 0, -1),
 }
-ROWS = 200  # of the curves' table, twice an evaluation's episode
 BASIS_LAYER = LAYERS[-1]
 TITLES = {
     "hand": "Hand",
@@ -52,7 +51,7 @@ class Owner(Protocol):
     def begin(self, choice: Choice) -> None: ...
     def load(self, directory: str) -> None: ...
     def look(self, layers: frozenset[str]) -> None: ...
-    def push(self, impulse: Any) -> None: ...
+    def push(self, force: Any) -> None: ...
 
 
 class Controls:
@@ -186,12 +185,12 @@ class Controls:
 
     def _push(self) -> None:
         direction = self._gui.add_dropdown("Direction", list(DIRECTIONS), initial_value="+x")
-        impulse = self._gui.add_slider(
-            "Impulse (mNs)", 1.0, 50.0, 1.0, initial_value=10.0, hint="10 mNs give 50 g a speed of 0.2 m/s"
+        force = self._gui.add_slider(
+            "Force (N)", 0.1, 5.0, 0.1, initial_value=1.0, hint="For 0.1 s; an object of 50 g weighs 0.5 N"
         )
         self._button(
             "Push",
-            lambda: self._owner.push(1e-3 * impulse.value * np.array(DIRECTIONS[direction.value], float)),
+            lambda: self._owner.push(force.value * np.array(DIRECTIONS[direction.value], float)),
             "At the next step that is played",
         )
 

@@ -11,7 +11,7 @@ from tactile_kit.simulation.simulator import Simulator
 from tactile_kit.task.goals import EpisodeSpec
 from tactile_kit.task.rotations import octahedral
 from tactile_kit.view.choice import Choice
-from tactile_kit.view.frames import STEP, Clip, Contacts, Frame, Pose
+from tactile_kit.view.frames import NO_CONTACTS, STEP, Clip, Contacts, Frame, Pose
 
 POINT, FORCE = 6, 9  # places in Bullet's contact tuple: on the object, world frame, and the normal force
 
@@ -20,24 +20,31 @@ class _Seen:
     """A simulator that remembers the contacts of its last step, which an episode's end would wipe out, and can push."""
 
     def __init__(self, simulator: Simulator) -> None:
-        self._simulator, self.impulse = simulator, np.zeros(3)
-        self.contacts = Contacts(np.empty((0, 3)), np.empty(0))
+        self._simulator, self._disturb = simulator, simulator.world.disturb
+        self.force, self._drawn = np.zeros(3), (np.zeros(3), np.zeros(3))
+        self.contacts = NO_CONTACTS
+        setattr(simulator.world, "disturb", self._push)  # noqa: B010  # mypy lets no method be assigned
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._simulator, name)
 
+    def _push(self, force: NDArray, torque: NDArray) -> None:
+        """In place of the world's ``disturb``: the randomisation's disturbance and the push together."""
+        self._drawn = force, torque
+        self._disturb(force + self.force, torque)
+
     def step(self, action: NDArray) -> Any:
-        world = self._simulator.world
-        if self.impulse.any():
-            velocity, spin = world.bullet.getBaseVelocity(world.object)
-            mass = world.bullet.getDynamicsInfo(world.object, -1)[0]
-            world.bullet.resetBaseVelocity(world.object, (velocity + self.impulse / mass).tolist(), spin)
-            self.impulse = np.zeros(3)
+        world, pushed = self._simulator.world, bool(self.force.any())
+        if pushed:
+            self._push(*self._drawn)
         status = self._simulator.step(action)
         if world.hand is not None:  # a fault takes the hand away
             found = world.hand.contacts(world.object)
             points = np.array([contact[POINT] for contact in found]).reshape(-1, 3)
             self.contacts = Contacts(points, np.array([contact[FORCE] for contact in found]))
+        if pushed:
+            self.force = np.zeros(3)
+            self._push(*self._drawn)
         return status
 
 
@@ -82,15 +89,15 @@ class Episode:
     def done(self) -> bool:
         return self.clip.outcome is not None
 
-    def push(self, impulse: NDArray) -> None:
-        """Push the object at the next step: ``impulse (3,)`` Ns, world frame."""
-        self._seen.impulse = self._seen.impulse + np.asarray(impulse, dtype=np.float64)
+    def push(self, force: NDArray) -> None:
+        """Push the object during the next step of 0.1 s: ``force (3,)`` N, world frame, beside what is drawn."""
+        self._seen.force = np.asarray(force, dtype=np.float64)
 
     def step(self) -> Frame:
         """Play one control step more; after the end nothing happens."""
         if self.done:
             return self.clip.frames[-1]
-        env, pushed = self._env, bool(self._seen.impulse.any())
+        env, pushed = self._env, bool(self._seen.force.any())
         self._observation, *_ = env.step(self.agent.act(self._observation))
         last = env.transition
         truth, joints = Pose(last.x[0].copy(), last.R[0].copy()), env.simulation.views["q"][0].copy()

@@ -120,9 +120,9 @@ def _write(path: Path, pictures: Iterator[NDArray[np.uint8]]) -> None:
     if path.suffix == ".mp4":
         import imageio.v2 as imageio
 
-        with imageio.get_writer(path, fps=finer / STEP, macro_block_size=16, quality=8) as writer:  # type: ignore[attr-defined]
+        with imageio.get_writer(path, fps=finer / STEP, macro_block_size=16, quality=8) as writer:
             for picture in pictures:
-                writer.append_data(picture)
+                writer.append_data(picture)  # type: ignore[attr-defined]
         return
     from PIL import Image
 

@@ -20,7 +20,6 @@ INK: Colour = (40, 40, 44)
 FAINT: Colour = (214, 214, 218)
 GOOD: Colour = (0, 130, 95)
 BAD: Colour = (190, 60, 0)
-FINE = 2  # drawn so much larger and averaged, against jagged edges
 
 
 @cache
@@ -38,21 +37,19 @@ class Panel:
     def __init__(self, clip: Clip, size: int) -> None:
         self.clip, self.size = clip, size
         self._scene = Scene(clip)
-        self._camera = Camera(EYE, TARGET, FINE * size, FINE * size)
+        self._camera = Camera(EYE, TARGET, size, size)
 
     def picture(self, place: float) -> NDArray[np.uint8]:
         """``(size, size, 3)``, at ``place`` in frames; after the end the last frame stays."""
         frame, size = self.clip.at(place), self.size
-        fine = draw(self._scene, self._scene.show(frame), self._camera)
-        coarse = fine.reshape(size, FINE, size, FINE, 3).mean(axis=(1, 3)).astype(np.uint8)
-        image = Image.fromarray(coarse)
+        image = Image.fromarray(draw(self._scene, self._scene.show(frame), self._camera))
         canvas, unit = ImageDraw.Draw(image), size / 320
         small, large = font(round(11 * unit)), font(round(13 * unit), bold=True)
         left, right = 10 * unit, size - 10 * unit
         canvas.text((left, 6 * unit), captions.title(self.clip), INK, font=large)
         canvas.text((left, 23 * unit), captions.sense(self.clip), INK, font=small)
-        canvas.text((right, 6 * unit), f"{frame.time:.1f} s", INK, font=large, anchor="ra")
-        goal = self._camera.project(self._scene.above_goal())[:2] / FINE
+        canvas.text((right, 22 * unit), f"{frame.time:.1f} s", INK, font=large, anchor="ra")
+        goal = self._camera.project(self._scene.above_goal())[:2]
         canvas.text(tuple(goal.tolist()), "goal", INK, font=small, anchor="ms")
         self._bars(canvas, frame, unit)
         verdict = captions.verdict_at(self.clip, frame)

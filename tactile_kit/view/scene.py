@@ -23,7 +23,7 @@ TOUCHES = 12  # contacts shown at once, the strongest
 OVER = 1.02  # larger than life, so that an estimate that is right is seen around the object
 STILL = Pose(np.zeros(3), np.eye(3))
 # Where cameras stand, m, and what they look at: the ghost of the goal is then right of the hand.
-EYE, TARGET = np.array([0.42, -0.34, 0.13]), np.array([0.035, 0.065, 0.065])
+EYE, TARGET = np.array([0.40, -0.32, 0.13]), np.array([0.035, 0.065, 0.06])
 # Of the ghost, m: beside the object as the cameras below see it, clear of the fingers.
 ASIDE = np.array([0.115, 0.165, -0.005])
 
@@ -100,7 +100,7 @@ class Scene:
         believed = Lines("edges", OVER * look.edges(self.clip.given), look.ESTIMATE)
         yield Group("estimate", (believed,), "estimate")
         for number in range(TOUCHES):
-            yield Group(f"touch{number}", (Solid("mark", look.ball(0.0035), look.TOUCH),), "contacts")
+            yield Group(f"touch{number}", (Solid("mark", look.ball(0.005), look.TOUCH),), "contacts")
         dot, dots = look.ball(0.0015), []
         for number, point in enumerate(basis_points()):
             dots.append((dot[0] + point, dot[1] + number * len(dot[0])))

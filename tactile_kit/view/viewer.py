@@ -77,9 +77,9 @@ class Viewer:
         self.layers = layers
         self.scene.layers = layers
 
-    def push(self, impulse: NDArray[np.float64]) -> None:
-        """Push the object, ``impulse (3,)`` Ns, at the next step played."""
-        self.episode.push(impulse)
+    def push(self, force: NDArray[np.float64]) -> None:
+        """Push the object, ``force (3,)`` N, during the next step played."""
+        self.episode.push(force)
 
     def tick(self, seconds: float) -> None:
         """Do what was asked for, let time pass, draw."""
