@@ -40,9 +40,8 @@ def serve(host: str = LOOPBACK, port: int = 8080) -> viser.ViserServer:
     server.initial_camera.look_at = tuple(TARGET)
     server.initial_camera.fov = 0.75
     server.scene.configure_default_lights(enabled=True, cast_shadow=False)
-    server.gui.configure_theme(
-        control_layout="fixed", control_width="medium", show_logo=False, show_share_button=False
-    )
+    server.gui.configure_theme(show_logo=False, show_share_button=False)
+    server.gui.main_panel.dock_right()
     return server
 
 

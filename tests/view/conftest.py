@@ -40,12 +40,6 @@ def clip(tactile) -> Clip:
     return played(tactile, Choice("cube", given="cuboid", goal=9, seed=3))
 
 
-@pytest.fixture(scope="session")
-def play():
-    """``played``, for tests that need an episode of their own."""
-    return played
-
-
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # Without a GPU: WebGL by software.
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
