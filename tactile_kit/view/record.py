@@ -79,7 +79,7 @@ class _Board:
         self._label("goal", "goal", scene.above_goal())
         for number, (name, _, _) in enumerate(captions.curves(clip)):
             text = f"{'blue' if number == 0 else 'orange'}: {name}, 0 to 3.14 rad"
-            self._label(name, text, BOARD + 0.5 * WIDTH * RIGHT + (HEIGHT - 0.015 * number) * UP)
+            self._label(name, text, BOARD + 0.2 * WIDTH * RIGHT + (HEIGHT - 0.02 - 0.015 * number) * UP)
         self._lines: dict[str, Any] = {}
 
     def _label(self, name: str, text: str, place: NDArray) -> Any:
