@@ -20,6 +20,7 @@ INK: Colour = (40, 40, 44)
 FAINT: Colour = (214, 214, 218)
 GOOD: Colour = (0, 130, 95)
 BAD: Colour = (190, 60, 0)
+RAISED, VIEW = np.array([0.0, 0.0, 0.008]), 0.83  # m, rad: room for the text above the palm
 
 
 @cache
@@ -37,7 +38,7 @@ class Panel:
     def __init__(self, clip: Clip, size: int) -> None:
         self.clip, self.size = clip, size
         self._scene = Scene(clip)
-        self._camera = Camera(EYE, TARGET, size, size)
+        self._camera = Camera(EYE, TARGET + RAISED, size, size, VIEW)
 
     def picture(self, place: float) -> NDArray[np.uint8]:
         """``(size, size, 3)``, at ``place`` in frames; after the end the last frame stays."""

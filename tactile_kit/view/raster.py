@@ -68,7 +68,7 @@ def draw(scene: Scene, shown: Shown, camera: Camera) -> NDArray[np.uint8]:
     for part, pose in clear:
         _draw_solid(picture, depth, part, pose, camera)
     for one, pose in lines:
-        _draw_lines(picture, depth, _placed(one.segments, pose), one.colour, FINE * one.width, camera)
+        _draw_lines(picture, depth, _placed(one.segments, pose), one.colour, 0.7 * FINE * one.width, camera)
     if len(shown.vectors):
         from tactile_kit.view.look import BASIS
 
