@@ -255,25 +255,70 @@ def film(
     out: Annotated[Path, arg(metavar="FILE")],
     objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "l_shape",
     episodes: int = 1,
+    columns: int = 1,
     seed: int = 0,
     size: int = 320,
 ) -> int:
-    """Film an agent turning objects; the inset shows the goal.
+    """Film an agent turning objects; the goal stands beside, a wire frame is what the agent believes.
 
     Args:
         agent: The agent's directory.
         out: The film to write, .gif or .mp4.
         objects: Object sets, names or ids, separated by commas; episodes take them in turn.
         episodes: How many episodes.
+        columns: How many play side by side; the others follow.
         seed: Of grasps, goals and physics.
-        size: Edge of the picture in pixels, a multiple of 16.
+        size: Edge of a panel in pixels, a multiple of 16.
     """
     from object_sets.storage import check_file_writable
-    from tactile_kit.evaluation.film import film as write_film
+    from tactile_kit.view.film import film as write_film
 
     check_file_writable(out, "--out")
-    pictures = write_film(agent, out, objects=objects, episodes=episodes, seed=seed, size=size)
-    print(f"{out}: {pictures} pictures")
+    clips = write_film(agent, out, objects=objects, episodes=episodes, columns=columns, seed=seed, size=size)
+    for clip in clips:
+        print(f"{clip.held.name}: {clip.verdict()}")
+    print(f"{out}: {len(clips)} episodes, {out.stat().st_size / 1e6:.1f} MB")
+    return 0
+
+
+@app.command
+def view(
+    agent: Annotated[Path, arg(metavar="DIR")],
+    objects: Annotated[str, arg(metavar="NAME")] = "l_shape",
+    given: str = "true",
+    extents: Annotated[str, arg(metavar="X,Y,Z")] = "",
+    goal: Annotated[int, arg(metavar="0..23")] = 1,
+    randomization: Annotated[str, arg(metavar="PRESET")] = "default",
+    terms: Annotated[str, arg(metavar="NAME=VALUE[,...]")] = "",
+    seed: Annotated[int, arg(metavar="S")] = 0,
+    record: Annotated[Path | None, arg(metavar="FILE")] = None,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+) -> int:
+    """Look at an agent at work in the browser, or write a replay that opens from disk.
+
+    The page has everything else: run, pause, step, speed, going back, other objects, goals and agents, pushes.
+
+    Args:
+        agent: The agent's directory.
+        objects: The object held: a name, or one object of a set (my_set/mug).
+        given: The mesh the agent is told of: true, or an object's name.
+        extents: Of the object held, cm; nominal by default.
+        goal: Which of the 24 octahedral goals.
+        randomization: Preset or YAML file of domain randomisation.
+        terms: Single terms of it from another preset or as a number, such as force=none,tip_friction=0.5.
+        seed: Of grasp, physics and noise.
+        record: Serve no page but write a replay, .html (a page of its own) or .viser.
+        host: Address to listen on; the default is reached from this machine only.
+        port: Port to listen on; 0 takes any that is free.
+    """
+    import reproduce.view
+
+    choice = reproduce.view.choice_of(objects, given, extents, goal, randomization, terms, seed)
+    if record is not None:
+        reproduce.view.record(agent, choice, record)
+    else:
+        reproduce.view.view(agent, choice, host, port)
     return 0
 
 
