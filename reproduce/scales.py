@@ -27,8 +27,14 @@ SETS: dict[str, dict[str, str]] = {  # what an object set of a run name means (p
     "geometric8": {"objects": "geometric8", "scaling": "random"},
 }
 ENCODINGS = ("vec_bps", "bps", "pointnet", "pos_rot", "mesh", "pos", "none")
-ABLATIONS = ("nosigma", "stopgrad")  # Table II: no sigma input to the policy; no gradient through the BPS
-VARIANTS = (*ENCODINGS, *(f"vec_bps_{ablation}" for ablation in ABLATIONS))
+VARIATIONS: dict[str, dict[str, Any]] = {  # settings of runs whose variant ends so
+    # Table II: no sigma input to the policy; no gradient through the BPS
+    "nosigma": {"task.sigma_in_observation": False},
+    "stopgrad": {"estimator.stop_gradient": True},
+    # beside the paper: the cell that looks from the fingers, and its loss
+    "fingers": {"estimator.cell": "fingers", "estimator.loss": "pose"},
+}
+VARIANTS = (*ENCODINGS, *(f"vec_bps_{variation}" for variation in VARIATIONS))
 
 
 def _one_of(names: Iterable[str]) -> AfterValidator:
@@ -45,9 +51,9 @@ SetName = Annotated[str, _one_of(SETS)]
 
 
 def split_variant(variant: str) -> tuple[str, str]:
-    """``vec_bps_nosigma`` -> (``vec_bps``, ``nosigma``); the ablation is empty where there is none."""
-    ablation = next((name for name in ABLATIONS if variant.endswith(f"_{name}")), "")
-    return (variant.removesuffix(f"_{ablation}") if ablation else variant), ablation
+    """``vec_bps_nosigma`` -> (``vec_bps``, ``nosigma``); the variation is empty where there is none."""
+    variation = next((name for name in VARIATIONS if variant.endswith(f"_{name}")), "")
+    return (variant.removesuffix(f"_{variation}") if variation else variant), variation
 
 
 class Part(BaseModel):

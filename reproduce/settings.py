@@ -8,15 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from reproduce.errors import ScaleError
 from reproduce.plan import Evaluation, Plan, Run
-from reproduce.scales import SETS, split_variant
+from reproduce.scales import SETS, VARIATIONS, split_variant
 
 if TYPE_CHECKING:
     from tactile_kit.task.config import TaskConfig
-
-ABLATIONS: dict[str, dict[str, Any]] = {  # Table II
-    "nosigma": {"task.sigma_in_observation": False},
-    "stopgrad": {"estimator.stop_gradient": True},
-}
 
 
 def run_settings(plan: Plan, run: Run) -> dict[str, Any]:
@@ -26,13 +21,13 @@ def run_settings(plan: Plan, run: Run) -> dict[str, Any]:
     """
     from tactile_kit.runs.config import RunConfig, merge, presets
 
-    encoding, ablation = split_variant(run.variant)
+    encoding, variation = split_variant(run.variant)
     changes: dict[str, Any] = {
         "kind": run.kind,
         "seed": run.seed,
         "encoding": encoding,
         **SETS[run.set],
-        **ABLATIONS.get(ablation, {}),
+        **VARIATIONS.get(variation, {}),
     }
     if run.warm_start is not None:
         changes["warm_start"] = str(run.directory.parent / run.warm_start)

@@ -1,8 +1,9 @@
-"""Table I: success rates by object properties, four agents, a Kalman filter and the planner on objects 0-12."""
+"""Table I: success rates by object properties, the paper's four agents and what is set beside them on objects 0-12."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
 
 from reproduce.cells import MEASURED, Cell, empty_cell, paper_values, rate_cell, write_cells
@@ -57,15 +58,16 @@ def latex(values: dict, cells: list[Cell], results: Results) -> str:
         r"\begin{table}",
         r"  \centering",
         rf"  \caption{{Success rates by object properties. Scale: {results.scale}. Each cell: ours"
-        r" [95\,\% Wilson interval], then the paper's value and our number of episodes. Two columns are"
-        r" not in the paper: the filter stands in for the estimator of the VecBPS agent, whose policy was trained"
-        r" beside it; the planner knows the true state and needs no training.}",
+        r" [95\,\% Wilson interval], then the paper's value and our number of episodes. Three columns are"
+        r" not in the paper: an estimator whose basis points are the fingers' own; a filter in place of the"
+        r" estimator of the VecBPS agent, whose policy was trained beside it; the planner, which knows the true state"
+        r" and needs no training.}",
         r"  \begin{tabular}{l c " + "c " * len(names) + "}",
         r"    \toprule",
-        r"    \multicolumn{2}{c}{Objects} & \multicolumn{2}{c}{Oracle} & \multicolumn{2}{c}{Estimator} & Filter"
-        r" & Planner \\",
-        r"    Description & IDs & \textit{VecBPS} & \textit{Pos} & \textit{VecBPS} & \textit{Pos}"
-        r" & \textit{VecBPS} & \textit{privileged} \\",
+        r"    \multicolumn{2}{c}{Objects} & " + " & ".join(_groups(values["columns"])) + r" \\",
+        r"    Description & IDs & "
+        + " & ".join(rf"\textit{{{c['head']}}}" for c in values["columns"])
+        + r" \\",
         r"    \midrule",
     ]
     for row in values["rows"]:
@@ -82,6 +84,12 @@ def latex(values: dict, cells: list[Cell], results: Results) -> str:
         r"\end{table}",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _groups(columns: list[dict]) -> list[str]:
+    """The upper line of the head."""
+    runs = [(name, len(list(run))) for name, run in groupby(columns, key=lambda column: column["group"])]
+    return [rf"\multicolumn{{{width}}}{{c}}{{{name}}}" if width > 1 else name for name, width in runs]
 
 
 def _ours(cell: Cell) -> str:

@@ -43,7 +43,7 @@ def test_table1_holds_the_rates_of_the_files(world, tmp_path):
     world.evaluated(TACTILE, "kalman", filtered)
     cells, tex = tables(world, "table1", tmp_path)
     columns = ("Oracle VecBPS", "Oracle Pos", "Estimator VecBPS", "Estimator Pos")
-    beside = ("Kalman filter", "Planner (privileged)")
+    beside = ("Finger cell", "Kalman filter", "Planner (privileged)")
     assert set(cells) == set(PAPER) | {(row, column) for column in beside for row in CLASSES}
     for row, ids in CLASSES.items():
         cell = cells[row, "Kalman filter"]
@@ -70,7 +70,7 @@ def test_a_missing_run_is_missing_and_never_a_number(world, tmp_path):
     world.absent(BENCHMARK[3])
     cells, tex = tables(world, "table1", tmp_path)
     for (_, column), cell in cells.items():
-        if column in ("Estimator Pos", "Kalman filter", "Planner (privileged)"):
+        if column in ("Estimator Pos", "Finger cell", "Kalman filter", "Planner (privileged)"):
             assert (cell.status, cell.ours, cell.low, cell.high, cell.n) == ("missing", None, None, None, 0)
         else:
             assert cell.status == "measured"
