@@ -59,7 +59,7 @@ def test_table1_holds_the_rates_of_the_files(world, tmp_path):
             assert cell.paper == PAPER[row, column]
             assert cell.status == "measured" and cell.steps_trained == "123456"
             assert f"{cell.ours:.2f} [{cell.low:.2f}, {cell.high:.2f}]" in tex
-    assert tex.count("missing") == 3  # the planner
+    assert tex.count("missing") == 6  # the finger cell and the planner
 
 
 def test_a_missing_run_is_missing_and_never_a_number(world, tmp_path):
@@ -74,7 +74,7 @@ def test_a_missing_run_is_missing_and_never_a_number(world, tmp_path):
             assert (cell.status, cell.ours, cell.low, cell.high, cell.n) == ("missing", None, None, None, 0)
         else:
             assert cell.status == "measured"
-    assert tex.count("missing") == 9
+    assert tex.count("missing") == 12
     with (tmp_path / "table1.csv").open(newline="") as file:
         assert [line["ours"] for line in csv.DictReader(file) if line["column"] == "Estimator Pos"] == [
             "",
