@@ -1,4 +1,4 @@
-"""Settings of the learners: networks, PPO and SAC with their presets. No torch here, so that ``--help`` is quick."""
+"""Settings of the learner: networks and PPO with its presets. No torch here, so that ``--help`` is quick."""
 
 from __future__ import annotations
 
@@ -52,15 +52,6 @@ class PPOConfig(Settings):
     noise_correlation: float = Field(
         0.0, ge=0, lt=1, description="Correlation of the noise from one action to the next (own choice)."
     )
-    bounded_mean: bool = Field(False, description="The mean passes a tanh, as a warm start from SAC needs.")
-    demonstrations: str | None = Field(None, description="Directory of planned episodes to imitate.")
-    clone_epochs: int = Field(0, ge=0, description="Passes over them before the first roll-out.")
-    clone: float = Field(
-        0.0, ge=0, description="Weight of the distance from demonstrated actions in every update, at first."
-    )
-    clone_steps: int = Field(
-        0, ge=0, description="Environment steps over which that weight falls to zero; 0: it stays."
-    )
     teacher: str | None = Field(None, description="Directory of an oracle agent that teaches at first.")
     taught_steps: int = Field(
         4_000_000,
@@ -79,10 +70,6 @@ class PPOConfig(Settings):
     critic: NetworkConfig = NetworkConfig()
     bfloat16: bool = Field(False, description="Matrix products of the update in bfloat16 (autocast).")
 
-    def torch_threads(self, threads: int) -> int:
-        """Threads that torch may divide one operation among, of a run's ``threads``: this learner divides batches."""
-        return 1
-
     @classmethod
     def preset(cls, name: Literal["paper", "small"]) -> PPOConfig:
         """``paper``: 4096 environments, minibatches of 2^15. ``small``: tens to hundreds of environments."""
@@ -92,84 +79,3 @@ class PPOConfig(Settings):
             small = NetworkConfig(hidden=(256, 256, 128))
             return cls(rollout=64, minibatch=2048, actor=small, critic=small, bfloat16=True)
         raise ValueError(f"PPO preset {name!r} unknown: 'paper' or 'small'")
-
-
-class ExplorationConfig(Settings):
-    """Noise of the actions that SAC collects with; the defaults are plain SAC."""
-
-    correlation: float = Field(
-        0.0, ge=0, lt=1, description="Correlation of the noise from one action to the next."
-    )
-    few_fingers: float = Field(
-        0.0,
-        ge=0,
-        le=1,
-        description="Share of the time in which it moves one or two fingers and calms the others.",
-    )
-    regrasps: float = Field(
-        0.0,
-        ge=0,
-        le=1,
-        description="Chance an action that an environment lifts a finger and sets it down elsewhere.",
-    )
-    few_reach: PositiveFloat = Field(
-        3.0, description="Noise of those fingers, in units of the policy's sigma."
-    )
-
-
-class SACConfig(Settings):
-    """SAC with goal relabelling, the off-policy recipe for few cores."""
-
-    capacity: PositiveInt = Field(500_000, description="Transitions kept.")
-    batch: PositiveInt = Field(512, description="Transitions a gradient step.")
-    updates: float = Field(1.0, ge=0, description="Gradient steps a vector step; fractions accumulate.")
-    warmup: int = Field(2_000, ge=0, description="Transitions collected before the first gradient step.")
-    gamma: float = Field(0.95, gt=0, le=1)
-    return_steps: PositiveInt = Field(
-        1,
-        description="Steps whose rewards are summed before a critic's value takes over; actions as they were taken.",
-    )
-    tau: float = Field(0.005, gt=0, le=1)
-    learning_rate: PositiveFloat = 3e-4
-    entropy_learning_rate: PositiveFloat = 1e-3
-    target_entropy: float = -6.0
-    initial_temperature: PositiveFloat = 0.02
-    log_std: float = Field(
-        -1.5, description="Initial log sigma before the squashing: the target entropy's, roughly."
-    )
-    anchor: float = Field(
-        0.0, ge=0, description="Weight of the squared distance from the rest action, at first."
-    )
-    anchor_steps: int = Field(
-        0, ge=0, description="Environment steps over which the anchor's weight falls to its floor."
-    )
-    anchor_floor: float = Field(0.0, ge=0, description="Least weight of the anchor.")
-    exploration: ExplorationConfig = ExplorationConfig()
-    actor_every: PositiveInt = Field(1, description="Critic updates an actor update.")
-    demonstrations: str | None = Field(None, description="Directory of planned episodes to learn from too.")
-    demonstration_share: float = Field(0.25, ge=0, lt=1, description="Their share of each batch.")
-    clone: float = Field(
-        0.0,
-        ge=0,
-        description="Weight of the distance from a demonstrated action that the critics rate above the policy's.",
-    )
-    random_goals: float = Field(
-        0.25, ge=0, le=1, description="Share of each batch given random goals on SO(3)."
-    )
-    future_goals: float = Field(0.25, ge=0, le=1, description="Share given orientations reached later.")
-    future_steps: PositiveInt = Field(50, description="At most so many steps later.")
-    actor: NetworkConfig = NetworkConfig(hidden=(256, 256), activation="relu", dense=False)
-    critic: NetworkConfig = NetworkConfig(hidden=(256, 256), activation="relu", dense=False, layer_norm=True)
-    critics: PositiveInt = 2
-    bfloat16: bool = Field(True, description="Matrix products of the update in bfloat16 (autocast).")
-
-    def torch_threads(self, threads: int) -> int:
-        """Threads that torch may divide one operation among, of a run's ``threads``."""
-        return threads
-
-    @classmethod
-    def preset(cls, name: Literal["small"]) -> SACConfig:
-        """``small``: what two cores learn with in hours."""
-        if name == "small":
-            return cls()
-        raise ValueError(f"SAC preset {name!r} unknown: 'small'")

@@ -13,7 +13,7 @@ import yaml
 from pydantic import Field, PositiveFloat, PositiveInt, ValidationError, model_validator
 
 from randomization import GravitySchedule
-from tactile_kit.agents.config import PPOConfig, SACConfig, Settings
+from tactile_kit.agents.config import PPOConfig, Settings
 from tactile_kit.ecrl.config import ECRLConfig
 from tactile_kit.estimator.config import EstimatorConfig
 from tactile_kit.runs.errors import ConfigError
@@ -62,7 +62,6 @@ class CheckpointConfig(Settings):
     minutes: PositiveFloat = Field(10.0, description="At most this long between checkpoints.")
     steps: int = Field(0, ge=0, description="Also every so many environment steps; 0: by time alone.")
     keep: PositiveInt = 2
-    replay: bool = Field(True, description="Save the replay memory too (about 3 kB a transition).")
 
 
 class EpisodesConfig(Settings):
@@ -93,7 +92,6 @@ class RunConfig(Settings):
     """
 
     kind: Literal["oracle", "tactile"] = "oracle"
-    algorithm: Literal["ppo", "sac"] = "sac"
     seed: int = Field(0, ge=0)
     steps: PositiveInt = Field(1_000_000, description="Environment steps, summed over all environments.")
     num_envs: PositiveInt = 32
@@ -107,7 +105,6 @@ class RunConfig(Settings):
     warm_start: str | None = Field(None, description="Agent directory whose weights to start from.")
     task: TaskConfig = TaskConfig()
     ppo: PPOConfig = PPOConfig.preset("small")
-    sac: SACConfig = SACConfig.preset("small")
     estimator: EstimatorConfig = EstimatorConfig.preset("small")
     ecrl: ECRLConfig = ECRLConfig()
     episodes: EpisodesConfig = EpisodesConfig()
@@ -127,12 +124,6 @@ class RunConfig(Settings):
     @property
     def objects(self) -> str:
         return self.task.objects
-
-    @property
-    def torch_threads(self) -> int:
-        """Threads that torch divides single operations among while this run trains."""
-        settings: PPOConfig | SACConfig = getattr(self, self.algorithm)
-        return settings.torch_threads(self.threads)
 
     @property
     def name(self) -> str:

@@ -175,9 +175,6 @@ def test_pupils_wait_for_their_teacher(tmp_path):
     lone = plan.scale.model_copy(update={"runs": tuple(groups)})
     jobs = json.loads(prepare(make_plan(lone, "scratch", tmp_path)).read_text())["train"]
     assert jobs[pupil.job]["after"] == [teacher.name]
-    plain = {**plan.scale.presets, "taught": {"preset": "sac-small"}}
-    with pytest.raises(ScaleError, match=r"oracle-pos-geometric8-s0: algorithm 'sac' has no teacher.*'ppo'"):
-        run_settings(make_plan(plan.scale.model_copy(update={"presets": plain}), "scratch", tmp_path), pupil)
     missing = groups[1].model_copy(update={"teacher": "oracle-vecbps-{set}-s{seed}"})
     with pytest.raises(ScaleError, match=r"teacher .*nearest valid name: 'oracle-vec_bps-geometric8-s0'"):
         make_plan(
@@ -188,7 +185,7 @@ def test_pupils_wait_for_their_teacher(tmp_path):
 def test_a_wrong_run_setting_names_scale_and_preset(tmp_path):
     scale = load_scale("smoke")
     scale = scale.model_copy(
-        update={"presets": {**scale.presets, "oracle": {"preset": "sac-smoke", "step": 3}}}
+        update={"presets": {**scale.presets, "oracle": {"preset": "ppo-smoke", "step": 3}}}
     )
     plan = make_plan(scale, "scratch", tmp_path)
     with pytest.raises(ScaleError, match=r"scale smoke, preset oracle.*step"):

@@ -25,33 +25,33 @@ def test_presets_resolve_and_survive_yaml(name: str, tmp_path: Path) -> None:
 
 def test_the_paper_preset_is_the_papers() -> None:
     config = RunConfig.preset("ppo-paper")
-    assert (config.num_envs, config.ppo.minibatch, config.algorithm) == (4096, 2**15, "ppo")
+    assert (config.num_envs, config.ppo.minibatch) == (4096, 2**15)
     paper = PPOConfig.preset("paper").model_copy(update={"log_std": 0.0})
     assert config.ppo == paper
 
 
 def test_short_forms_are_the_tasks() -> None:
-    config = RunConfig.preset("sac-small", {"encoding": "pos", "objects": "cube,apple", "seed": 3})
+    config = RunConfig.preset("ppo-small", {"encoding": "pos", "objects": "cube,apple", "seed": 3})
     assert config.task.encoding == config.encoding == "pos" and config.name == "oracle-pos-cube+apple-s3"
     with pytest.raises(ConfigError, match="encoding"):
         RunConfig.build({"encoding": "pos", "task": {"encoding": "none"}})
 
 
 def test_parts_of_nested_settings_keep_the_other_defaults() -> None:
-    config = RunConfig.build({"sac": {"critic": {"hidden": [8]}}}, {"sac.gamma": 0.9})
-    assert config.sac.critic == NetworkConfig(hidden=(8,), activation="relu", dense=False, layer_norm=True)
-    assert config.sac.gamma == 0.9 and config.sac.batch == 512
+    config = RunConfig.build({"ppo": {"critic": {"hidden": [8]}}}, {"ppo.gamma": 0.9})
+    assert config.ppo.critic == NetworkConfig(hidden=(8,))
+    assert config.ppo.gamma == 0.9 and config.ppo.actor == RunConfig().ppo.actor
 
 
 @pytest.mark.parametrize(
     ("data", "match"),
     [
         ({"stpes": 5}, "stpes: unknown; nearest: 'steps'"),
-        ({"sac": {"bach": 5}}, r"sac\.bach: unknown; nearest: 'batch'"),
+        ({"ppo": {"minibach": 5}}, r"ppo\.minibach: unknown; nearest: 'minibatch'"),
         ({"steps": -1}, "steps.*greater than 0.*-1"),
         ({"task": {"objekts": "cube"}}, "objects"),
         ({"gravity": {"start": 90}}, r"gravity\.start.*20"),
-        ({"algorithm": "td3"}, "algorithm.*td3"),
+        ({"kind": "tactil"}, "kind.*tactil"),
     ],
 )
 def test_bad_settings_name_the_key(data: dict, match: str) -> None:
@@ -64,7 +64,7 @@ def test_files_that_are_no_settings_are_refused(tmp_path: Path) -> None:
     for text, match in (
         ("!!python/object/apply:os.system [true]", "not plain YAML"),
         ("[1, 2]", "list"),
-        ("preset: sac-smal", "sac-small"),
+        ("preset: ppo-smal", "ppo-small"),
     ):
         path.write_text(text)
         with pytest.raises(ConfigError, match=match):
@@ -79,15 +79,15 @@ def test_files_that_are_no_settings_are_refused(tmp_path: Path) -> None:
 
 
 def test_differences_let_steps_grow_and_intervals_change() -> None:
-    old = RunConfig.preset("sac-smoke").to_dict()
+    old = RunConfig.preset("ppo-smoke").to_dict()
     free = RunConfig.preset(
-        "sac-smoke", {"steps": 9000, "evaluation.minutes": 5, "checkpoint.minutes": 1, "num_workers": 2}
+        "ppo-smoke", {"steps": 9000, "evaluation.minutes": 5, "checkpoint.minutes": 1, "num_workers": 2}
     )
     assert differences(old, free.to_dict()) == []
-    other = RunConfig.preset("sac-smoke", {"steps": 10, "sac.gamma": 0.9, "num_envs": 4, "task.horizon": 7})
+    other = RunConfig.preset("ppo-smoke", {"steps": 10, "ppo.gamma": 0.9, "num_envs": 4, "task.horizon": 7})
     lines = differences(old, other.to_dict())
-    assert [line.split(":")[0] for line in lines] == ["num_envs", "sac.gamma", "steps", "task.horizon"]
-    assert "num_envs: 8 -> 4" in lines
+    assert [line.split(":")[0] for line in lines] == ["num_envs", "ppo.gamma", "steps", "task.horizon"]
+    assert "num_envs: 16 -> 4" in lines
 
 
 def test_only_training_episodes_are_eased() -> None:
@@ -126,7 +126,7 @@ def test_gravity_waits_while_too_much_is_dropped() -> None:
 
 def test_settings_do_not_import_torch() -> None:
     code = (
-        "import sys, tactile_kit.runs; tactile_kit.runs.RunConfig.preset('sac-smoke'); "
+        "import sys, tactile_kit.runs; tactile_kit.runs.RunConfig.preset('ppo-smoke'); "
         "assert 'torch' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
