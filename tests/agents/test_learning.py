@@ -15,8 +15,10 @@ from tactile_kit.agents.ppo import PPO
 from tactile_kit.runs.metrics import Tracker
 
 PPO_TOY = PPOConfig(
-    rollout=32, minibatch=256, actor=NetworkConfig(hidden=(64, 64)), critic=NetworkConfig(hidden=(64, 64))
-)
+    rollout=32, minibatch=256, epochs=5, learning_rate=3e-4, critic_learning_rate=None, kl_threshold=0.016, gamma=0.99,
+    log_std=-0.5, noise_correlation=0.0, calm_from=None, bfloat16=False,
+    actor=NetworkConfig(hidden=(64, 64)), critic=NetworkConfig(hidden=(64, 64)),
+)  # fmt: skip
 
 
 @pytest.fixture(autouse=True)

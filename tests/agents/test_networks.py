@@ -9,7 +9,7 @@ import pytest
 import torch
 from gymnasium import spaces
 
-from tactile_kit.agents.config import NetworkConfig, PPOConfig
+from tactile_kit.agents.config import NetworkConfig
 from tactile_kit.agents.networks import (
     GaussianPolicy,
     InputLayout,
@@ -19,6 +19,7 @@ from tactile_kit.agents.networks import (
 )
 from tactile_kit.shape import ENCODINGS
 
+PAPER = (512, 512, 256, 128)
 PLAIN = InputLayout((("joints", 4), ("goal", 6), ("shape", 3)))
 
 
@@ -67,11 +68,11 @@ def test_pooled_entries_share_their_statistics() -> None:
 
 
 def test_d2rl_concatenates_the_input_to_every_hidden_layer() -> None:
-    net = Perceptron(353, NetworkConfig())
+    net = Perceptron(353, NetworkConfig(hidden=PAPER))
     assert [layer.in_features for layer in net.layers] == [353, 512 + 353, 512 + 353, 256 + 353]
     assert [layer.out_features for layer in net.layers] == [512, 512, 256, 128]
     assert isinstance(net.activation, torch.nn.ELU)
-    plain = Perceptron(353, NetworkConfig(dense=False))
+    plain = Perceptron(353, NetworkConfig(hidden=PAPER, dense=False))
     assert [layer.in_features for layer in plain.layers] == [353, 512, 512, 256]
 
 
@@ -169,21 +170,3 @@ def test_rest_action_is_what_an_untrained_policy_takes() -> None:
         policy = GaussianPolicy(features(PLAIN), 2, NetworkConfig(hidden=(16,)), squashed=squashed, rest=rest)
         actions = policy.act(torch.randn(50, PLAIN.size))
         assert (actions - torch.tensor(rest)).abs().max() < 0.05
-
-
-def test_presets() -> None:
-    paper = PPOConfig.preset("paper")
-    assert (paper.minibatch, paper.kl_threshold, paper.clip, paper.entropy) == (2**15, 0.016, 0.2, 1e-3)
-    assert (paper.gamma, paper.gae_lambda, paper.critic_coefficient, paper.weight_decay) == (
-        0.99,
-        0.95,
-        4.0,
-        1e-5,
-    )
-    assert (
-        paper.actor
-        == paper.critic
-        == NetworkConfig(hidden=(512, 512, 256, 128), activation="elu", dense=True)
-    )
-    with pytest.raises(ValueError, match="'paper' or 'small'"):
-        PPOConfig.preset("large")  # type: ignore[arg-type]

@@ -28,6 +28,7 @@ def agent(tmp_path_factory):
         "randomization": "none",
         "task.gravity": 5.0,
         "task.grasps": 2,
+        "episodes.grasps": 2,
     }
     config = RunConfig.preset("ppo-smoke", changes)
     return load_agent(train(config, tmp_path_factory.mktemp("runs") / "oracle-vec_bps-cube-s0", quiet=True))

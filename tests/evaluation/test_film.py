@@ -14,7 +14,14 @@ from tactile_kit.runs import RunConfig, train
 @pytest.fixture(scope="module")
 def agent(tmp_path_factory) -> Path:
     directory = tmp_path_factory.mktemp("agent")
-    changes = {"steps": 32, "num_envs": 2, "num_workers": 1, "task.grasps": 2, "ppo.rollout": 16}
+    changes = {
+        "steps": 32,
+        "num_envs": 2,
+        "num_workers": 1,
+        "task.grasps": 2,
+        "episodes.grasps": 2,
+        "ppo.rollout": 16,
+    }
     train(RunConfig.preset("ppo-smoke", changes), directory, quiet=True)
     return directory
 

@@ -195,10 +195,12 @@ def test_a_wrong_run_setting_names_scale_and_preset(tmp_path):
 @pytest.mark.parametrize("engine", ["bullet", "compiled"])
 def test_the_grasps_of_a_training_are_those_of_its_physics(engine):
     episodes = {"engine": engine, "grasps": 5, "grasp_spread": 0.1, "drag": 20.0}
-    run = RunConfig.build({"objects": "cube", "episodes": episodes})
+    run = RunConfig.build({"objects": "cube", "scaling": "nominal", "episodes": episodes})
     name, settings = training_grasps(run.to_dict())
     played = run.episodes.applied(run.task)
     assert finder_of(TaskConfig(**settings)) == finder_of(played)
     assert settings["simulation"]["engine"] == engine and name.startswith("cube-nominal-")
-    thinner = RunConfig.build({"objects": "cube", "episodes": {**episodes, "drag": 10.0}})
+    thinner = RunConfig.build(
+        {"objects": "cube", "scaling": "nominal", "episodes": {**episodes, "drag": 10.0}}
+    )
     assert training_grasps(thinner.to_dict()) == (name, settings)  # shared

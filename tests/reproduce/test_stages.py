@@ -30,6 +30,7 @@ SCALE = {
             "num_envs": 4,
             "log_every": 80,
             "task": {"grasps": 2, "horizon": 20},
+            "episodes": {"grasps": 2},
             "ppo": {"rollout": 20, "minibatch": 40},
         }
     },

@@ -20,7 +20,7 @@ def test_evaluations_while_training_and_at_its_end(
         "ppo-smoke",
         {
             "steps": 24, "num_envs": 12, "encoding": "none", "log_every": 12, "start_at_grasp": False,
-            "task": {"objects": "cube", "grasps": 2, "horizon": 20},
+            "task": {"objects": "cube", "grasps": 2, "horizon": 20}, "episodes": {"grasps": 2},
             "ppo": {"rollout": 1, "minibatch": 12, "actor": tiny, "critic": tiny},
             "evaluation": {"minutes": 1e-6, "at_end": True, "num_envs": 24},
         },

@@ -271,7 +271,7 @@ def test_other_settings_or_versions_are_refused_readably(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run(tmp_path, 512)
-    with pytest.raises(ConfigError, match=r"num_envs: 8 -> 16\n.*ppo\.gamma: 0\.99 -> 0\.9"):
+    with pytest.raises(ConfigError, match=r"num_envs: 8 -> 16\n.*ppo\.gamma: 0\.985 -> 0\.9"):
         run(tmp_path, 1024, num_envs=16, **{"ppo.gamma": 0.9})
     with pytest.raises(ConfigError, match="512 steps"):
         train(settings(1024), tmp_path, resume=False, make_env=toy, quiet=True)

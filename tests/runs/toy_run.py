@@ -25,7 +25,7 @@ def settings(steps: int, **changes) -> RunConfig:
         "checkpoint.steps": EVERY,
         "checkpoint.minutes": 1e6,
         "start_at_grasp": False,
-        "gravity": {"start": 1.0, "end": 9.81, "steps": 2000},
+        "gravity": {"start": 1.0, "end": 9.81, "steps": 2000, "drops": 1.0, "geometric": False},
     }
     return RunConfig.preset("ppo-smoke", {**base, **changes})
 
