@@ -74,7 +74,6 @@ class EpisodesConfig(Settings):
     """What training episodes do differently from those that are evaluated; None: as the task says."""
 
     horizon: PositiveInt | None = Field(None, description="Actions an episode.")
-    goal_every: int | None = Field(None, ge=0, description="Actions until a new goal, without a reset.")
     grasps: PositiveInt | None = Field(32, description="Initial grasps a variant.")
     grasp_spread: float | None = Field(0.1, ge=0, le=0.5, description="How far grasps stray, rad.")
     engine: Literal["bullet", "compiled"] | None = Field("compiled", description="Physics to train in.")
