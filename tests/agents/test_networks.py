@@ -151,14 +151,7 @@ def test_learned_shape_layer_stands_where_the_encoding_has_one(name: str) -> Non
         terms.append(("shape", encoding.observation_size))
     terms.append(("pose", 9))
 
-    class Instance:
-        size, observation_size = encoding.size, encoding.observation_size
-
-        @staticmethod
-        def features():
-            return encoding.features(None)
-
-    extractor = features(InputLayout.of_encoding(tuple(terms), Instance))
+    extractor = features(InputLayout.of_encoding(tuple(terms), encoding))
     out = extractor(torch.randn(3, sum(size for _, size in terms)))
     assert out.shape == (3, 4 + 6 + encoding.size + 9) == (3, extractor.features_dim)
     assert (extractor.shape is not None) == (encoding.size != encoding.observation_size)

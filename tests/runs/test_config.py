@@ -178,3 +178,10 @@ def test_what_shipped_runs_were_trained_with_is_read_back(path: Path) -> None:
     for part in ("task", "ppo", "episodes", "gravity"):
         assert given[part] == config.to_dict()[part]
     config.episodes.applied(config.task)
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "results" / "agents").iterdir()), ids=lambda path: path.name)
+def test_shipped_agents_load(path: Path) -> None:
+    from tactile_kit.agents import load_agent
+
+    assert load_agent(path).task.encoding == RunConfig.from_yaml(path / "config.yaml").encoding
