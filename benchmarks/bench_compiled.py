@@ -56,7 +56,7 @@ class Scenes:
     def play(self, settings: dict[str, Any]) -> dict[str, np.ndarray]:
         """Poses ``x (T + 1, N, 3)``, ``R``, ``over (T + 1, N)`` whether the episode has ended, and ``cpu`` s a step."""
         config = SimulationConfig(**settings)
-        blueprint = Blueprint(config, self.bodies, self.bank, randomization.preset("none"), STEPS + 1, False)
+        blueprint = Blueprint(config, self.bodies, self.bank, randomization.preset("none"), STEPS + 1)
         compiled = config.engine == "compiled"
         simulation: Any = (
             CompiledSimulation(blueprint, self.meshes, self.count, 1)

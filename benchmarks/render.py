@@ -33,8 +33,6 @@ BLOCKS: dict[str, tuple[str, Callable[[dict[str, Any]], list[str]]]] = {
     "bps_exactness": ("bps", tables_speed.bps_exactness),
     "grasps": ("grasps", tables_speed.grasps),
     "recipe": ("recipe", tables_speed.recipe),
-    "learners": ("learners", tables_speed.learners),
-    "bfloat16": ("learners", tables_speed.bfloat16),
     "steps": ("physics", tables_physics.steps),
     "iterations": ("physics", tables_physics.iterations),
     "lanes": ("lanes", tables_compiled.lanes),

@@ -42,10 +42,7 @@ def run_settings(plan: Plan, run: Run) -> dict[str, Any]:
             import yaml
 
             settings = merge(yaml.safe_load(presets()[base].read_text(encoding="utf-8")) or {}, settings)
-        config = RunConfig.build(settings, changes, run.name)
-        if run.teacher is not None and config.algorithm != "ppo":
-            raise ScaleError(f"{run.name}: algorithm {config.algorithm!r} has no teacher; allowed is 'ppo'")
-        return config.to_dict()
+        return RunConfig.build(settings, changes, run.name).to_dict()
     except ValueError as error:
         raise ScaleError(f"scale {plan.scale.name}, preset {run.preset}: {error}") from None
 

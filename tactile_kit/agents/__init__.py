@@ -1,4 +1,4 @@
-"""Policy networks and learners: PPO as in the paper, SAC with goal relabelling, and agents loaded from disk.
+"""Policy networks, the learner: PPO as in the paper, and agents loaded from disk.
 
 Names load on first use, so that reading settings doesn't import torch.
 """
@@ -11,14 +11,11 @@ from typing import Any
 _HOMES = {
     "Agent": "agent",
     "AgentError": "errors",
-    "GoalReplay": "replay",
     "InputLayout": "networks",
     "Manifest": "manifest",
     "NetworkConfig": "config",
     "PPO": "ppo",
     "PPOConfig": "config",
-    "SAC": "sac",
-    "SACConfig": "config",
     "load_agent": "agent",
     "warm_start": "warm_start",
 }

@@ -162,7 +162,6 @@ def build_policy(layout: InputLayout, network: PolicyNetwork) -> GaussianPolicy:
             network.actions,
             network.layers,
             squashed=network.squashed,
-            bounded=network.bounded,
         )
 
 

@@ -21,7 +21,6 @@ class PolicyNetwork(BaseModel):
 
     layers: NetworkConfig
     squashed: bool
-    bounded: bool = False
     actions: int = Field(12, ge=1)
 
 

@@ -9,16 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
 import torch
-import torch.nn.functional as F
 from gymnasium import spaces
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 
 from tactile_kit.agents.config import NetworkConfig
-from tactile_kit.agents.trunk import ACTIVATIONS, Perceptron
+from tactile_kit.agents.trunk import Perceptron
 
 CLIP = 5.0  # standard deviations, rl_games' clip of normalised observations
 LOG_STD_MIN, LOG_STD_MAX = -5.0, 1.0  # of the squashed policy; beyond +1 the squashed Gaussian is bimodal
@@ -192,14 +190,13 @@ class ObservationFeatures(BaseFeaturesExtractor):
 
 
 class GaussianPolicy(nn.Module):
-    """The actor: mean and log standard deviation of the action, for PPO and SAC alike.
+    """The actor: mean and log standard deviation of the action, for PPO and for older agents of SAC.
 
     Args:
         features: the observation's features.
         actions: A, size of the action.
         config: layers.
         squashed: SAC's tanh-squashed Gaussian with a state-dependent sigma; otherwise PPO's with one parameter.
-        bounded: of PPO's, the mean passes a tanh too, as a policy warm-started from SAC needs.
         log_std: initial log sigma.
         rest: ``(A,)`` action in [-1, 1] that an untrained policy takes on average (the mean grasp).
     """
@@ -211,13 +208,12 @@ class GaussianPolicy(nn.Module):
         config: NetworkConfig,
         *,
         squashed: bool,
-        bounded: bool = False,
         log_std: float = 0.0,
         rest: Sequence[float] | None = None,
     ) -> None:
         super().__init__()
         self.features = features
-        self.squashed, self.bounded = squashed, bounded and not squashed
+        self.squashed = squashed
         self.trunk = Perceptron(features.features_dim, config)
         self.mean = nn.Linear(self.trunk.size, actions)
         with torch.no_grad():
@@ -225,7 +221,7 @@ class GaussianPolicy(nn.Module):
             self.mean.bias.zero_()
             if rest is not None:
                 action = torch.as_tensor(rest, dtype=torch.float32).clamp(-0.98, 0.98)
-                self.mean.bias.copy_(torch.atanh(action) if squashed or bounded else action)
+                self.mean.bias.copy_(torch.atanh(action) if squashed else action)
         if squashed:
             self.log_std = nn.Linear(self.trunk.size, actions)
             with torch.no_grad():
@@ -239,21 +235,7 @@ class GaussianPolicy(nn.Module):
         latent = self.trunk(features)
         if self.squashed:
             return self.mean(latent).float(), self.log_std(latent).float().clamp(LOG_STD_MIN, LOG_STD_MAX)
-        mean = _in_float32(self.mean, latent)
-        return (torch.tanh(mean) if self.bounded else mean), self.log_std  # type: ignore[return-value]
-
-    def squashed_sample(self, features: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
-        """Reparametrised squashed action ``(B, A)`` and its log density ``(B,)`` for standard normal noise."""
-        return self.squash(*self.moments(features), noise)
-
-    @staticmethod
-    def squash(mean: Tensor, log_std: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
-        """:meth:`squashed_sample` from the moments ``(B, A)`` before squashing."""
-        raw = mean + log_std.exp() * noise
-        normal = -0.5 * noise.square() - log_std - 0.918938533204673  # log sqrt(2 pi)
-        # log(1 - tanh(u)^2) = 2 (log 2 - u - softplus(-2u)), stable for large u
-        squash = 2.0 * (0.693147180559945 - raw - F.softplus(-2.0 * raw))
-        return torch.tanh(raw), (normal - squash).sum(1)
+        return _in_float32(self.mean, latent), self.log_std  # type: ignore[return-value]
 
     def act(self, observations: Tensor, noise: Tensor | None = None) -> Tensor:
         """Actions ``(B, A)`` in [-1, 1] for observations ``(B, D)``: the mode, or a sample for given noise."""
@@ -282,58 +264,3 @@ def _in_float32(head: nn.Linear, latent: Tensor) -> Tensor:
     """PPO's small last layers: a mean's last bits count where sigma is small, a value's beside a step's reward."""
     with torch.autocast("cpu", enabled=False):
         return head(latent.float())
-
-
-class CriticEnsemble(nn.Module):
-    """SAC's critics, computed together: features ``(B, F)`` and actions ``(B, A)`` to values ``(n, B)``.
-
-    All critics' first layers are one wide matrix product, the following ones batched ones: on a CPU that is faster
-    than one network after the other. Actions have first-layer weights of their own, so that the actor's gradient
-    needs no product with the features'. Weights are ``(n, out, in)``.
-    """
-
-    def __init__(
-        self, features: ObservationFeatures, actions: int, config: NetworkConfig, critics: int = 2
-    ) -> None:
-        super().__init__()
-        if config.dense:
-            raise ValueError("critic.dense: the critics of SAC have no D2RL form; set it to false")
-        self.features = features
-        self.critics = critics
-        self.activation = ACTIVATIONS[config.activation]()
-        inputs = features.features_dim
-        widths = [inputs, *config.hidden, 1]
-        self.weights, self.biases = nn.ParameterList(), nn.ParameterList()
-        for before, after in pairwise(widths):
-            bound = (before + actions if before is inputs else before) ** -0.5
-            self.weights.append(nn.Parameter(torch.empty(critics, after, before).uniform_(-bound, bound)))
-            self.biases.append(nn.Parameter(torch.empty(critics, 1, after).uniform_(-bound, bound)))
-        bound = (inputs + actions) ** -0.5
-        self.action_weights = nn.Parameter(
-            torch.empty(critics, config.hidden[0], actions).uniform_(-bound, bound)
-        )
-        self.gains, self.offsets = nn.ParameterList(), nn.ParameterList()
-        if config.layer_norm:
-            for width in config.hidden:
-                self.gains.append(nn.Parameter(torch.ones(critics, 1, width)))
-                self.offsets.append(nn.Parameter(torch.zeros(critics, 1, width)))
-
-    def embed(self, features: Tensor, actions: Tensor) -> Tensor:
-        first = F.linear(features, self.weights[0].flatten(0, 1), self.biases[0].flatten())
-        first = first + F.linear(actions, self.action_weights.flatten(0, 1))
-        hidden = first.unflatten(1, (self.critics, -1)).transpose(0, 1)
-        for index in range(1, len(self.weights)):
-            if len(self.gains):
-                # in the precision of the products: a mixed one would copy back and forth
-                gain, offset = (
-                    self.gains[index - 1].to(hidden.dtype),
-                    self.offsets[index - 1].to(hidden.dtype),
-                )
-                hidden = torch.addcmul(offset, F.layer_norm(hidden, hidden.shape[-1:]), gain)
-            hidden = self.activation(hidden)
-            hidden = torch.baddbmm(self.biases[index], hidden, self.weights[index].transpose(1, 2))
-        return hidden.squeeze(-1).float()
-
-    def forward(self, observations: Tensor, actions: Tensor) -> tuple[Tensor, ...]:
-        """SB3's form: one ``(B, 1)`` tensor a critic."""
-        return tuple(value[:, None] for value in self.embed(self.features(observations), actions))

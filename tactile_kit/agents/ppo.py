@@ -10,7 +10,6 @@ density of an action is that of the new part alone (Korenkevych et al. 2019), so
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -24,7 +23,6 @@ from randomization import derive, stream
 from tactile_kit.agents import fixed
 from tactile_kit.agents.config import PPOConfig
 from tactile_kit.agents.gaussian import adapted_rate, divergence_of, entropy_of, log_density
-from tactile_kit.agents.imitation import Examples, distance, imitate
 from tactile_kit.agents.networks import InputLayout
 from tactile_kit.agents.policies import HandActorCriticPolicy
 from tactile_kit.agents.rollout import Experience, Rollout
@@ -42,25 +40,21 @@ from tactile_kit.agents.state import (
 )
 from tactile_kit.agents.teacher import MINIBATCH, Teacher, learning_rate, led
 
-CLONED = 1024  # demonstrated actions beside a minibatch
-
 
 class Aims(NamedTuple):
     """What all minibatches of one update have in common."""
 
     leads: bool  # the actor follows the returns
     taught: bool  # the actor follows its teacher
-    cloning: float  # weight of the distance from demonstrated actions
     log_std: torch.Tensor  # (A,) of the policy that collected
 
 
 class Minibatch(NamedTuple):
-    """One gradient step's transitions ``rows (M,)``, the statistics of their advantages, and demonstrations beside."""
+    """One gradient step's transitions ``rows (M,)`` and the statistics of their advantages."""
 
     rows: torch.Tensor
     center: torch.Tensor
     spread: torch.Tensor
-    examples: tuple[torch.Tensor, torch.Tensor] | None
 
 
 Share = tuple[list[torch.Tensor | None], dict[str, torch.Tensor]]  # gradients, and what is reported
@@ -78,7 +72,6 @@ class PPO(stable_baselines3.PPO):
             any order of sums.
     """
 
-    algorithm = "ppo"
     policy: HandActorCriticPolicy  # type: ignore[assignment]
     rollout_buffer: Rollout
 
@@ -101,8 +94,6 @@ class PPO(stable_baselines3.PPO):
         self.critic_layout = everything
         self.noise = torch.Generator().manual_seed(derive(seed, "learner", "noise"))
         self.order = stream(seed, "learner", "minibatches")
-        self._clone_order = stream(seed, "learner", "examples")
-        self.examples: Examples | None = None
         self.teacher: Teacher | None = None
         self.rate = config.learning_rate
         self._means = Means()
@@ -115,7 +106,6 @@ class PPO(stable_baselines3.PPO):
             "critic_layout": everything,
             "actor": config.actor,
             "critic": config.critic,
-            "bounded": config.bounded_mean,
             "log_std": config.log_std,
             "rest": rest,
             "critic_rate": config.critic_learning_rate,
@@ -245,9 +235,7 @@ class PPO(stable_baselines3.PPO):
         batches = max(count // (min(self.batch_size, MINIBATCH) if aims.taught else self.batch_size), 1)
         for _ in range(self.config.epochs):
             for chosen in np.array_split(self.order.permutation(count), batches):
-                self._gradient_step(
-                    experience, self._minibatch(experience, torch.from_numpy(chosen), aims), aims
-                )
+                self._gradient_step(experience, _minibatch(experience, torch.from_numpy(chosen)), aims)
         returns = experience.returns
         explained = 1.0 - (returns - experience.values).var() / returns.var().clamp_min(1e-12)
         sigma = self.policy.actor.log_std.exp().mean()
@@ -257,13 +245,7 @@ class PPO(stable_baselines3.PPO):
     def _aims(self) -> Aims:
         rested = self.config.fixed_steps + self.config.critic_steps
         leads = not self.taught and self.num_timesteps > rested
-        cloning = self._cloning() if leads else 0.0
-        return Aims(leads, self.taught, cloning, self.policy.actor.log_std.detach().clone())
-
-    def _minibatch(self, experience: Experience, rows: torch.Tensor, aims: Aims) -> Minibatch:
-        advantages = experience.advantages[rows]
-        examples = self.examples.batch(CLONED) if aims.cloning > 0 and self.examples is not None else None
-        return Minibatch(rows, advantages.mean(), advantages.std() + 1e-8, examples)
+        return Aims(leads, self.taught, self.policy.actor.log_std.detach().clone())
 
     def _gradient_step(self, experience: Experience, batch: Minibatch, aims: Aims) -> None:
         optimizer = self.policy.optimizer
@@ -306,11 +288,6 @@ class PPO(stable_baselines3.PPO):
         if aims.taught:
             apart = divergence_of(mean, aims.log_std, own.shown, aims.log_std)
             loss, means["teacher_divergence"] = loss + apart, apart
-        if batch.examples is not None:
-            share = self.shards.rows(CLONED)[self.shards.rows(len(batch.rows)).index(part)]
-            seen, done = (given[share] for given in batch.examples)
-            apart = distance(self.policy.actor, seen, done, config.bfloat16)
-            loss, means["clone_distance"] = loss + aims.cloning * apart, apart
         gradients = torch.autograd.grad(weight * loss, self._parameters(), allow_unused=True)
         with torch.no_grad():
             means["divergence"] = divergence_of(mean, log_std + narrower, own.means, aims.log_std + narrower)
@@ -334,22 +311,6 @@ class PPO(stable_baselines3.PPO):
         lessons = self.config.taught_steps if self.teacher is not None else 0
         return lessons > 0 and self.num_timesteps <= lessons
 
-    # ---- imitating ---------------------------------------------------------------------------------------------------
-    def learn_from(
-        self, observations: np.ndarray, actions: np.ndarray, report: Callable[[str], None] = lambda line: None
-    ) -> None:
-        """Have demonstrated ``observations (N, D)`` and ``actions (N, A)`` to imitate; a new learner begins with it."""
-        self.examples = Examples(observations, actions, self._clone_order)
-        if self.num_timesteps == 0 and self.config.clone_epochs:
-            imitate(self.policy.actor, self.examples, self.config.clone_epochs, self.config.bfloat16, report)
-
-    def _cloning(self) -> float:
-        """Present weight of the distance from demonstrated actions."""
-        if self.examples is None or self.config.clone == 0:
-            return 0.0
-        left = 1.0 - self.num_timesteps / self.config.clone_steps if self.config.clone_steps else 1.0
-        return self.config.clone * max(left, 0.0)
-
     def metrics(self) -> dict[str, float]:
         """Means since the last call: losses, divergence, sigma, learning rate. Raises FloatingPointError on NaN."""
         return {**self._means.take(), "learning_rate": self.rate, "updates": self._n_updates}
@@ -371,7 +332,6 @@ class PPO(stable_baselines3.PPO):
             "rate": self.rate,
             "optimizer": rates,
             "order": pack_numpy_generator(self.order),
-            "clone_order": pack_numpy_generator(self._clone_order),
         }
         return tensors, values
 
@@ -383,9 +343,12 @@ class PPO(stable_baselines3.PPO):
         if "wander" in tensors:
             self._wander = tensors["wander"].clone()
         unpack_numpy_generator(self.order, values["order"])
-        if "clone_order" in values:
-            unpack_numpy_generator(self._clone_order, values["clone_order"])
         self.num_timesteps, self._n_updates, self.rate = values["steps"], values["updates"], values["rate"]
         if "observation" in tensors:
             self._last_obs = tensors["observation"].numpy().copy()
             self._last_episode_starts = tensors["episode_starts"].numpy().copy()
+
+
+def _minibatch(experience: Experience, rows: torch.Tensor) -> Minibatch:
+    advantages = experience.advantages[rows]
+    return Minibatch(rows, advantages.mean(), advantages.std() + 1e-8)

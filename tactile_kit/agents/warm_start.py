@@ -91,24 +91,21 @@ def warm_start(learner, directory: str | Path, encoding: str) -> dict:
     """
     directory = Path(directory)
     manifest = read_manifest(directory)
-    actor, critics = learner_networks(learner)
-    network = manifest.network
-    if (network.squashed or network.bounded) != (actor.squashed or actor.bounded):
-        raise AgentError(
-            f"{directory}: its action mean {'passes' if network.squashed or network.bounded else 'does not pass'} a "
-            "tanh, this learner's does not match (ppo: bounded_mean)"
-        )
+    policy = learner.policy
+    if manifest.network.squashed:
+        raise AgentError(f"{directory}: its action mean passes a tanh, which this learner's does not")
     old = InputLayout.of_encoding(manifest.layout, encoding_class(manifest.encoding))
     changed = frozenset() if manifest.encoding == encoding else frozenset({"shape"})
     tensors = read_tensors(directory / "policy.safetensors", manifest.weights["policy.safetensors"])
-    left = [f"policy/{name}" for name in transplant(actor, tensors, old, learner.input_layout, changed)]
-    if learner.algorithm == "ppo" and not learner.config.keep_sigma:
-        actor.log_std.data.fill_(learner.config.log_std)
+    left = [
+        f"policy/{name}" for name in transplant(policy.actor, tensors, old, learner.input_layout, changed)
+    ]
+    if not learner.config.keep_sigma:
+        policy.actor.log_std.data.fill_(learner.config.log_std)
     name = "critic.safetensors"
-    if name in manifest.weights and manifest.algorithm == learner.algorithm:
+    if name in manifest.weights:
         tensors = read_tensors(directory / name, manifest.weights[name])
-        for critic in critics:
-            missing = transplant(critic, tensors, old, learner.critic_layout, changed)
+        missing = transplant(policy.critic, tensors, old, learner.critic_layout, changed)
         left += [f"critic/{name}" for name in missing]
     else:
         left.append("critic")
@@ -136,10 +133,3 @@ def _warm_estimator(cell: nn.Module, directory: Path, manifest: Manifest) -> lis
         return ["estimator"]
     cell.load_state_dict(source)
     return []
-
-
-def learner_networks(learner) -> tuple[nn.Module, list[nn.Module]]:
-    """The actor and the critics (SAC's with its target) of a learner of this package."""
-    if learner.algorithm == "sac":
-        return learner.actor.network, [learner.critic.network, learner.critic_target.network]
-    return learner.policy.actor, [learner.policy.critic]

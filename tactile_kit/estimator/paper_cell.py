@@ -26,7 +26,7 @@ class PaperCell(EstimatorCell):
     def __init__(self, config: EstimatorConfig, shape: Any) -> None:
         super().__init__(config, shape, config.features + shape.size + POSE)
         self.observation_size: int = shape.observation_size
-        self.features: nn.Module | None = _learned_layer(shape)
+        self.features: nn.Module | None = shape.features()
         self.encoder = mlp((MEASUREMENTS, *config.encoder_hidden, config.features))
         mean, scale = _measurement_scaling()
         self.register_buffer("z_mean", mean)
@@ -77,9 +77,3 @@ def _input_scaling(config: EstimatorConfig, shape: Any) -> Tensor:
         scale[3:POSE] = 1.0
     pose = torch.tensor([1.0 / LENGTH_SCALE] * 3 + [1.0] * 6)
     return torch.cat([torch.ones(config.features + config.latent), scale, pose])
-
-
-def _learned_layer(shape: Any) -> nn.Module | None:
-    """``shape.features()``, also of a class: the layer doesn't depend on the meshes."""
-    layer = shape.features
-    return layer(None) if isinstance(shape, type) else layer()

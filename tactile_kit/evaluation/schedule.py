@@ -195,7 +195,6 @@ def evaluation_task(
         "success_angle": SUCCESS_ANGLE,
         "grasps": GRASPS,
         "grasp_spread": 0.0,
-        "goal_every": 0,
     }
     try:
         changes["simulation"] = trained.simulation.plain(steps_per_second)

@@ -1,4 +1,4 @@
-"""Sampling-based planning in the simulator: explorer, teacher and privileged reference."""
+"""Sampling-based planning in the simulator: the privileged reference of Table I."""
 
 from tactile_kit.planning.planner import Planner, PlannerConfig
 

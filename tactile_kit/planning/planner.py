@@ -1,4 +1,4 @@
-"""A planner over finger gaits: a privileged agent that needs no training, and the teacher of those that do.
+"""A planner over finger gaits: a privileged agent that needs no training.
 
 Predictive sampling (Howell et al. 2022) over moves instead of joint angles: whenever a move ends, dozens of plans of
 two random moves are played in a copy of the simulator from the very state the episode is in. The best are played again
@@ -59,26 +59,9 @@ def angle_between(first: Array, second: Array) -> float:
     return math.acos(min(1.0, max(-1.0, 0.5 * (float(np.vdot(first, second)) - 1.0))))
 
 
-class State(NamedTuple):
-    """What an agent is told of a moment: ``z (144,)``, ``x (3,)``, ``R (3, 3)``, driven joints ``q (12,)``."""
-
-    z: NDArray[np.float32]
-    x: Array
-    R: Array
-    q: Array
-
-    @classmethod
-    def of(cls, world: World) -> State:
-        """The world's present state."""
-        z = np.stack([world.q, world.e], axis=1).astype(np.float32).ravel()
-        return cls(z, world.position, world.rotation, world.joints[DRIVEN_INDEX])
-
-
 class Rollout(NamedTuple):
-    """A plan played: ``N + 1`` states, actions ``(N, 12)``, its score, whether the object was lost."""
+    """How a plan went: its score, and whether the object was lost."""
 
-    states: list[State]
-    actions: Array
     score: float
     failed: bool
 
@@ -88,11 +71,8 @@ class Planner:
 
     Args:
         simulator: whose episodes are planned for. The planner reads its full state, but foresees no forces, and of
-            sticky actions only how frequent they are; measurement noise is in what it records and moves nothing.
+            sticky actions only how frequent they are.
         config: settings.
-
-    Attributes:
-        rollouts: how the plan chosen for the last action went when it was shaken; empty while a move goes on.
     """
 
     def __init__(self, simulator: Simulator, config: PlannerConfig | None = None) -> None:
@@ -108,22 +88,15 @@ class Planner:
         self.rng = np.random.default_rng(seed)
         self.world.load(real.body, real.physics)
         self.gait = Gait(real.config.filter_time_constant)
-        self.rollouts: list[Rollout] = []
         self._next: Plan = ()
 
     def act(self, goal: Array) -> Array:
         """The next action ``(12,)`` in [-1, 1] towards the goal orientation ``(3, 3)``."""
-        self.rollouts = []
         if self.gait.over:
             move, *left = self._choose(goal)
             self.gait.start(move)
             self._next = tuple(left)
         return self.gait.action(self.simulator.world, goal)
-
-    def forget(self) -> None:
-        """Plan anew at the next action: somebody else has acted in between."""
-        self.gait.start(Move(rest=True, steps=0))
-        self._next = ()
 
     def _choose(self, goal: Array) -> Plan:
         config, moment = self.config, self.simulator.world.snapshot()
@@ -133,17 +106,15 @@ class Planner:
         preference[0] = 0.2 if angle < config.reached else -0.05  # to rest is easy, and leads nowhere
         scores = preference + [self.play(moment, plan, goal).score for plan in plans]
         finalists = np.argsort(-scores, kind="stable")[: config.finalists].tolist()
-        again: dict[int, list[Rollout]] = {}
         for index in finalists:
             shaken = [
                 replace(moment, command=moment.command + self.rng.normal(0.0, config.shake, JOINTS))
                 for _ in range(config.repeats)
             ]
-            again[index] = [self.play(other, plans[index], goal, self._sticky()) for other in shaken]
-            scores[index] += sum(rollout.score for rollout in again[index])
-        best = max(finalists, key=lambda index: scores[index])
-        self.rollouts = again[best]
-        return plans[best]
+            scores[index] += sum(
+                self.play(other, plans[index], goal, self._sticky()).score for other in shaken
+            )
+        return plans[max(finalists, key=lambda index: scores[index])]
 
     def _plans(self, angle: float) -> list[Plan]:
         """Resting, turning on, standing still, what is left of the last plan, and random plans."""
@@ -171,15 +142,12 @@ class Planner:
     ) -> Rollout:
         """Play ``plan`` from ``moment`` in the planner's own world, and turn on with all fingers when it is over.
 
-        Without ``sticky (horizon,)`` every action arrives and only the score is kept. With it the roll-out is kept too,
-        from after the first action, where the measurements are those of the moment as it was played.
+        ``sticky (horizon,)``: actions that fail to arrive; without it every action arrives.
         """
         config, world, simulator = self.config, self.world, self.simulator
         world.restore(moment)
         gait, moves = self.gait.fresh(), iter(plan)
         gait.start(next(moves))
-        states: list[State] = []
-        actions: list[Array] = []
         midway = angle = angle_between(world.rotation, goal)
         target = simulator.target
         for number in range(config.horizon):
@@ -192,19 +160,16 @@ class Planner:
                 world.step(target, simulator.noise(simulator.elapsed + number))
             except PhysicsFault:
                 world.load(simulator.world.body, simulator.world.physics)
-                return _rolled(states, actions, -2.0 * config.drop, True)
-            if sticky is not None:
-                states.append(State.of(world))
-                actions.append(action)
+                return Rollout(-2.0 * config.drop, True)
             if dropped(world.position) or _off(world) > LOST:
-                return _rolled(states, actions, 0.05 * number - config.drop, True)  # later is better
+                return Rollout(0.05 * number - config.drop, True)  # later is better
             angle = angle_between(world.rotation, goal)
             if number == config.horizon // 2:
                 midway = angle
         velocity, _ = world.bullet.getBaseVelocity(world.object)
         score = -angle - config.midway * midway - config.position * max(0.0, _off(world) - NEAR)
         score -= config.posture * float(((world.joints[DRIVEN_INDEX] - MEAN_GRASP) ** 4).sum())
-        return _rolled(states, actions, score - config.speed * math.hypot(*velocity), False)
+        return Rollout(score - config.speed * math.hypot(*velocity), False)
 
     def close(self) -> None:
         """Disconnect the planner's own world."""
@@ -213,7 +178,3 @@ class Planner:
 
 def _off(world: World) -> float:
     return float(np.linalg.norm(world.position - CENTRE))
-
-
-def _rolled(states: list[State], actions: list[Array], score: float, failed: bool) -> Rollout:
-    return Rollout(states, np.array(actions[1:]).reshape(-1, JOINTS), score, failed)

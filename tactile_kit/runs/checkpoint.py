@@ -6,17 +6,14 @@ file and of its own values, so damage is found before anything is used, and the 
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from torch import Tensor
 
 from tactile_kit.agents.files import (
@@ -35,23 +32,12 @@ SCHEMA = 1
 
 @dataclass
 class Checkpoint:
-    """What was saved: environment steps, tensors, JSON values and the file of the replay memory, if any."""
+    """What was saved: environment steps, tensors and JSON values."""
 
     path: Path
     step: int
     tensors: dict[str, Tensor]
     values: dict[str, Any]
-    replay: Path | None
-
-    def replay_arrays(self) -> dict[str, np.ndarray] | None:
-        """The replay memory's arrays (digest already checked), or None when none was saved. Raises CheckpointError."""
-        if self.replay is None:
-            return None
-        try:
-            with np.load(self.replay, allow_pickle=False) as archive:
-                return {name: archive[name] for name in archive.files}
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as problem:
-            raise CheckpointError(f"{self.replay}: no arrays of a replay memory ({problem})") from None
 
 
 def save(
@@ -59,7 +45,6 @@ def save(
     step: int,
     tensors: Mapping[str, Tensor],
     values: Mapping[str, Any],
-    replay: Mapping[str, np.ndarray] | None = None,
     keep: int = 2,
 ) -> Path:
     """Write ``folder/step-…`` and drop all but the ``keep`` newest. Raises OSError (disk full, read-only), having
@@ -74,13 +59,6 @@ def save(
         data = tensor_bytes(tensors)
         write_atomically(temporary / "state.safetensors", data)
         files = {"state.safetensors": digest(data)}
-        if replay is not None:
-            name = _replay_name(step)
-            with (temporary / name).open("wb") as file:
-                np.savez(file, **replay)  # type: ignore[arg-type]
-                file.flush()
-                os.fsync(file.fileno())
-            files[name] = _file_digest(temporary / name)
         body = {"schema": SCHEMA, "step": step, "files": files, "values": dict(values)}
         body["digest"] = _body_digest(body)
         write_atomically(temporary / "state.json", json_bytes(body))
@@ -112,16 +90,7 @@ def load(path: Path) -> Checkpoint:
         raise CheckpointError(f"{path / 'state.json'}: does not match its own digest")
     files = _checked_body(body, path / "state.json")
     tensors = read_tensors(path / "state.safetensors", files["state.safetensors"], CheckpointError)
-    replay = None
-    for name in set(files) - {"state.safetensors"}:
-        replay = path / name
-        try:
-            found = _file_digest(replay)
-        except OSError as problem:
-            raise CheckpointError(f"{replay}: {problem.strerror}") from None
-        if found != files[name]:
-            raise CheckpointError(f"{replay}: SHA-256 differs from state.json's")
-    return Checkpoint(path, body["step"], tensors, body["values"], replay)
+    return Checkpoint(path, body["step"], tensors, body["values"])
 
 
 def _checked_body(body: dict[str, Any], where: Path) -> dict[str, str]:
@@ -132,21 +101,16 @@ def _checked_body(body: dict[str, Any], where: Path) -> dict[str, str]:
     step, files, values = body.get("step"), body.get("files"), body.get("values")
     if type(step) is not int or step < 0:
         raise CheckpointError(f"{where}: step is {step!r}, allowed are integers from 0")
-    allowed = {"state.safetensors", _replay_name(step)}
     if (
         not isinstance(files, dict)
-        or not {"state.safetensors"} <= set(files) <= allowed
-        or not all(isinstance(value, str) for value in files.values())
+        or set(files) != {"state.safetensors"}
+        or not isinstance(files["state.safetensors"], str)
     ):
-        raise CheckpointError(f"{where}: files are {files!r}, allowed are digests of {sorted(allowed)}")
+        raise CheckpointError(f"{where}: files are {files!r}, allowed is the digest of state.safetensors")
     for name in ("config", "versions"):
         if not isinstance(values, dict) or not isinstance(values.get(name), dict):
             raise CheckpointError(f"{where}: values hold no {name}")
     return files
-
-
-def _replay_name(step: int) -> str:
-    return f"replay-{step:012d}.npz"
 
 
 def newest(folder: Path) -> tuple[Checkpoint | None, list[str]]:
@@ -168,8 +132,3 @@ def newest(folder: Path) -> tuple[Checkpoint | None, list[str]]:
 
 def _body_digest(body: Mapping[str, Any]) -> str:
     return digest(json.dumps(body, sort_keys=True, allow_nan=False).encode())
-
-
-def _file_digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

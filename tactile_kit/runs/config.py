@@ -13,11 +13,17 @@ import yaml
 from pydantic import Field, PositiveFloat, PositiveInt, ValidationError, model_validator
 
 from randomization import GravitySchedule
-from tactile_kit.agents.config import PPOConfig, SACConfig, Settings
+from tactile_kit.agents.config import PPOConfig, Settings
 from tactile_kit.ecrl.config import ECRLConfig
 from tactile_kit.estimator.config import EstimatorConfig
 from tactile_kit.runs.errors import ConfigError
-from tactile_kit.task.config import TaskConfig
+from tactile_kit.task.config import RewardConfig, TaskConfig
+
+TASK = TaskConfig(  # to learn on; the class itself says what the paper does
+    scaling="random",
+    action="increment",
+    reward=RewardConfig(drop=1.5, posture=0.1, rotation_clip=0.2, arrival=1.5),
+)
 
 
 class GravityConfig(Settings):
@@ -27,11 +33,11 @@ class GravityConfig(Settings):
     and while more than twice as many are, it goes back.
     """
 
-    start: float = Field(9.81, gt=0, le=20, description="m/s^2 at step 0.")
+    start: float = Field(0.1, gt=0, le=20, description="m/s^2 at step 0.")
     end: float = Field(9.81, gt=0, le=20, description="m/s^2 from ``steps`` on.")
-    steps: int = Field(0, ge=0)
-    drops: float = Field(1.0, gt=0, le=1, description="Share of drops up to which it goes on.")
-    geometric: bool = Field(False, description="By equal factors instead of equal steps.")
+    steps: int = Field(20_000_000, ge=0)
+    drops: float = Field(0.22, gt=0, le=1, description="Share of drops up to which it goes on.")
+    geometric: bool = Field(True, description="By equal factors instead of equal steps.")
 
     def after(self, counted: int, steps: int, drops: float | None) -> int:
         """Steps that count after ``steps`` more, ``drops`` being the share dropped of late; ``counted`` did before."""
@@ -62,19 +68,17 @@ class CheckpointConfig(Settings):
     minutes: PositiveFloat = Field(10.0, description="At most this long between checkpoints.")
     steps: int = Field(0, ge=0, description="Also every so many environment steps; 0: by time alone.")
     keep: PositiveInt = 2
-    replay: bool = Field(True, description="Save the replay memory too (about 3 kB a transition).")
 
 
 class EpisodesConfig(Settings):
     """What training episodes do differently from those that are evaluated; None: as the task says."""
 
     horizon: PositiveInt | None = Field(None, description="Actions an episode.")
-    goal_every: int | None = Field(None, ge=0, description="Actions until a new goal, without a reset.")
-    grasps: PositiveInt | None = Field(None, description="Initial grasps a variant.")
-    grasp_spread: float | None = Field(None, ge=0, le=0.5, description="How far grasps stray, rad.")
-    engine: Literal["bullet", "compiled"] | None = Field(None, description="Physics to train in.")
+    grasps: PositiveInt | None = Field(32, description="Initial grasps a variant.")
+    grasp_spread: float | None = Field(0.1, ge=0, le=0.5, description="How far grasps stray, rad.")
+    engine: Literal["bullet", "compiled"] | None = Field("compiled", description="Physics to train in.")
     support: float | None = Field(None, ge=0, le=1000, description="Spring while gravity is low, N/m.")
-    drag: float | None = Field(None, ge=0, le=100, description="Thick air while gravity is low, 1/s.")
+    drag: float | None = Field(20.0, ge=0, le=100, description="Thick air while gravity is low, 1/s.")
 
     def applied(self, task: TaskConfig) -> TaskConfig:
         """The task as training plays it."""
@@ -86,28 +90,26 @@ class EpisodesConfig(Settings):
 
 
 class RunConfig(Settings):
-    """Everything a training run depends on.
+    """Everything a training run depends on. The defaults are the recipe of the shipped oracles.
 
     ``encoding``, ``objects``, ``scaling`` and ``randomization`` may be given at the top level for short; they are the
     task's.
     """
 
     kind: Literal["oracle", "tactile"] = "oracle"
-    algorithm: Literal["ppo", "sac"] = "sac"
     seed: int = Field(0, ge=0)
-    steps: PositiveInt = Field(1_000_000, description="Environment steps, summed over all environments.")
-    num_envs: PositiveInt = 32
-    num_workers: PositiveInt = 1
-    threads: PositiveInt = Field(1, description="Threads of the learner; part of what decides its rounding.")
+    steps: PositiveInt = Field(100_000_000, description="Environment steps, summed over all environments.")
+    num_envs: PositiveInt = 1024
+    num_workers: PositiveInt = 2
+    threads: PositiveInt = Field(2, description="Threads of the learner; part of what decides its rounding.")
     matmul_precision: Literal["highest", "high", "medium"] = "medium"
     start_at_grasp: bool = Field(
-        True, description="An untrained policy commands a firm grasp, not mid-range."
+        False, description="An untrained policy of absolute actions commands a firm grasp, not mid-range."
     )
-    log_every: PositiveInt = Field(10_000, description="Environment steps between lines of metrics.jsonl.")
+    log_every: PositiveInt = Field(200_000, description="Environment steps between lines of metrics.jsonl.")
     warm_start: str | None = Field(None, description="Agent directory whose weights to start from.")
-    task: TaskConfig = TaskConfig()
-    ppo: PPOConfig = PPOConfig.preset("small")
-    sac: SACConfig = SACConfig.preset("small")
+    task: TaskConfig = TASK
+    ppo: PPOConfig = PPOConfig()
     estimator: EstimatorConfig = EstimatorConfig.preset("small")
     ecrl: ECRLConfig = ECRLConfig()
     episodes: EpisodesConfig = EpisodesConfig()
@@ -127,12 +129,6 @@ class RunConfig(Settings):
     @property
     def objects(self) -> str:
         return self.task.objects
-
-    @property
-    def torch_threads(self) -> int:
-        """Threads that torch divides single operations among while this run trains."""
-        settings: PPOConfig | SACConfig = getattr(self, self.algorithm)
-        return settings.torch_threads(self.threads)
 
     @property
     def name(self) -> str:

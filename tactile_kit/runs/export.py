@@ -13,7 +13,6 @@ from tactile_kit.agents.files import (
     write_atomically,
 )
 from tactile_kit.agents.manifest import Manifest, PolicyNetwork
-from tactile_kit.agents.warm_start import learner_networks
 from tactile_kit.runs.config import RunConfig
 from tactile_kit.runs.directory import revision, versions
 
@@ -34,31 +33,29 @@ def export_agent(
 
     Weights and agent.json change together: a kill at any moment leaves an agent that loads.
     """
-    actor, critics = learner_networks(learner)
-    parts = {"policy.safetensors": _own_tensors(actor), "critic.safetensors": critics[0].state_dict()}
+    actor, critic = learner.policy.actor, learner.policy.critic
+    parts = {"policy.safetensors": _own_tensors(actor), "critic.safetensors": critic.state_dict()}
     estimator = None
     if config.kind == "tactile":
         cell = learner.env.estimator
         estimator = cell.config.model_dump(mode="json")
         parts["estimator.safetensors"] = cell.state_dict()
     weights = {name: tensor_bytes(tensors) for name, tensors in parts.items()}
-    layers = config.sac.actor if config.algorithm == "sac" else config.ppo.actor
     manifest = Manifest(
         schema=1,
         kind=config.kind,
         encoding=config.encoding,
         objects=config.objects,
         seed=config.seed,
-        algorithm=config.algorithm,
+        algorithm="ppo",
         steps=learner.num_timesteps,
         hours=round(hours, 4),
         warm_start=warm_start,
         layout=learner.input_layout.terms,
         task=config.task.model_dump(mode="json"),
         network=PolicyNetwork(
-            layers=layers,
+            layers=config.ppo.actor,
             squashed=actor.squashed,
-            bounded=actor.bounded,
             actions=int(learner.action_space.shape[0]),
         ),
         estimator=estimator,

@@ -57,11 +57,8 @@ class Run:
         if hasattr(self.env, "get_state"):
             arrays, body["env"] = _split(self.env.get_state())
             tensors |= pack("env", {name: torch.from_numpy(array) for name, array in arrays.items()})
-        settings = self.config.checkpoint
-        memory = getattr(self.learner, "replay_buffer", None)
-        replay = memory.arrays() if memory is not None and settings.replay else None
         folder = self.directory / "checkpoints"
-        checkpoints.save(folder, self.learner.num_timesteps, tensors, body, replay, settings.keep)
+        checkpoints.save(folder, self.learner.num_timesteps, tensors, body, self.config.checkpoint.keep)
         self.export()
 
     def export(self) -> None:
@@ -82,11 +79,6 @@ class Run:
         try:
             self.learner.restore(unpack("learner", saved.tensors), values["learner"])
             self.tracker.restore(values["tracker"])
-            memory = getattr(self.learner, "replay_buffer", None)
-            if memory is not None:
-                arrays = saved.replay_arrays()
-                if arrays is not None:
-                    memory.restore(arrays)
             if "env" in values and hasattr(self.env, "set_state"):
                 arrays = {name: tensor.numpy() for name, tensor in unpack("env", saved.tensors).items()}
                 self.env.set_state({**arrays, **values["env"]})
@@ -119,9 +111,6 @@ class Run:
         learner = self.learner
         learner._last_obs = self.env.reset()
         learner._last_episode_starts = np.ones(self.env.num_envs, dtype=bool)
-        memory = getattr(learner, "replay_buffer", None)
-        if memory is not None:
-            memory.end_episodes()
 
 
 def _split(state: dict[str, Any]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

@@ -61,7 +61,7 @@ def train(
             done = saved.step >= config.steps and finished(directory)
             if done and not _evaluation_due(config, directory, saved.step):
                 return directory
-        torch.set_num_threads(config.torch_threads)
+        torch.set_num_threads(1)  # the learner divides batches, not operations
         torch.set_float32_matmul_precision(config.matmul_precision)
         torch.manual_seed(
             derive(config.seed, "learner", "default")
@@ -78,18 +78,12 @@ def train(
             run = Run(config, directory, make_learner(config, env), env, Tracker(config.num_envs))
             if saved is not None:
                 run.restore(saved)
-                if saved.replay is None and config.algorithm == "sac":
-                    progress.say(
-                        "the checkpoint holds no replay memory: collecting anew, not an exact continuation"
-                    )
             elif config.warm_start:
                 from tactile_kit.agents.warm_start import warm_start
 
                 run.warm_start = warm_start(run.learner, config.warm_start, config.encoding)
             del saved
-            if getattr(config, config.algorithm).demonstrations:
-                _add_demonstrations(run, progress)
-            if config.algorithm == "ppo" and config.ppo.teacher:
+            if config.ppo.teacher:
                 from tactile_kit.agents.teacher import Teacher
 
                 run.learner.teacher = Teacher(config.ppo.teacher, env)
@@ -113,20 +107,6 @@ def _torch_left_alone() -> Iterator[None]:
     finally:
         torch.set_num_threads(threads)
         torch.set_float32_matmul_precision(precision)
-
-
-def _add_demonstrations(run: Run, progress: Progress) -> None:
-    from randomization import stream
-    from tactile_kit.planning.teaching import examples_of, replay_of
-
-    directory = str(getattr(run.config, run.config.algorithm).demonstrations)
-    if run.config.algorithm == "ppo":
-        run.learner.learn_from(*examples_of(run.env, directory), report=progress.say)
-        return
-    settings = {**run.learner.replay_settings, "rng": stream(run.config.seed, "learner", "teacher")}
-    teacher = replay_of(run.env, directory, **settings)
-    run.learner.learn_from(teacher)
-    progress.say(f"{len(teacher):,} demonstrated transitions")
 
 
 def finished(directory: str | Path) -> bool:
@@ -170,15 +150,11 @@ def default_env(config: RunConfig, quiet: bool = False) -> Any:
 
 
 def make_learner(config: RunConfig, env: Any) -> Any:
-    """The learner of the run's algorithm."""
+    """The run's learner."""
+    from tactile_kit.agents.ppo import PPO
+
     rest = rest_action(env) if config.start_at_grasp else None
-    if config.algorithm == "ppo":
-        from tactile_kit.agents.ppo import PPO
-
-        return PPO(env, config.ppo, seed=config.seed, rest=rest, threads=config.threads)
-    from tactile_kit.agents.sac import SAC
-
-    return SAC(env, config.sac, seed=config.seed, rest=rest)
+    return PPO(env, config.ppo, seed=config.seed, rest=rest, threads=config.threads)
 
 
 def rest_action(env: Any) -> tuple[float, ...] | None:

@@ -34,6 +34,7 @@ class Encoding(ABC):
         Raises PoseError for wrong shapes, dtypes or values.
         """
 
-    def features(self) -> torch.nn.Module | None:
+    @staticmethod
+    def features() -> torch.nn.Module | None:
         """A new learned layer (B, observation_size) -> (B, size), or None where the network reads the observation."""
         return None

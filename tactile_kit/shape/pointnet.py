@@ -37,7 +37,8 @@ class PointNet(Encoding):
         check_pose(self.meshes, x, R, mesh)
         return (self._points[x.dtype][mesh] @ R.transpose(1, 2) + x[:, None]).flatten(1)
 
-    def features(self) -> torch.nn.Module:
+    @staticmethod  # a saved agent has no meshes to make an encoding of
+    def features() -> torch.nn.Module:
         return PointFeatures()
 
 

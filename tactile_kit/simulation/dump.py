@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 SCHEMA = 1
 _STATE = {"joints": (ALL_JOINTS,), "position": (3,), "rotation": (3, 3)}
-_START = {"variant": int, "seed": int, "gravity": float, "body": str, "horizon": int, "relative": bool}
+_START = {"variant": int, "seed": int, "gravity": float, "body": str, "horizon": int}
 
 
 class DumpError(ValueError):
@@ -35,7 +35,7 @@ class Dump:
 
     Attributes:
         fault: what went wrong.
-        start: ``variant``, ``seed``, ``gravity`` (m/s^2), ``body`` (its name), ``horizon``, ``relative`` and
+        start: ``variant``, ``seed``, ``gravity`` (m/s^2), ``body`` (its name), ``horizon`` and
             ``config``, the physics' settings.
         actions: ``(n, 12) float64`` as given, the last one led to the fault.
         physics: what the episode had drawn, by name.
@@ -61,7 +61,6 @@ def record(simulator: Simulator) -> Dump:
             "gravity": gravity,
             "body": simulator.bodies[variant].name,
             "horizon": simulator.horizon,
-            "relative": simulator.relative,
             "config": simulator.world.config.model_dump(),
         },
         np.array(simulator.actions, dtype=np.float64).reshape(-1, JOINTS),
@@ -125,7 +124,6 @@ def replay(dump: Dump, simulator: Simulator) -> Status:
     found = {
         "body": bodies[start["variant"]] if 0 <= start["variant"] < len(bodies) else None,
         "horizon": simulator.horizon,
-        "relative": simulator.relative,
         "config": simulator.world.config.model_dump(),
     }
     other = [

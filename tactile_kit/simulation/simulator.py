@@ -24,7 +24,6 @@ MIDDLE = 0.5 * (kinematics.JOINT_UPPER + kinematics.JOINT_LOWER)
 # Twice what the wildest actions bring about (2.2 m/s and 35 rad/s), and more than they push a finger in (18 mm).
 MAX_SPEED, MAX_SPIN = 5.0, 70.0  # of the object, m/s and rad/s
 MAX_DEPTH = 0.025  # m of a finger inside the object
-RELATIVE_STEP = 0.2  # rad an action, for the relative action of the lab's earlier work
 
 
 class Status(IntEnum):
@@ -54,7 +53,6 @@ class Simulator:
         bank: grasps, one group a variant.
         preset: domain randomisation.
         horizon: control steps an episode.
-        relative: actions are steps from the measured angles instead of absolute targets.
         visible: make the object visible to pictures.
     """
 
@@ -65,7 +63,6 @@ class Simulator:
         bank: GraspBank,
         preset: randomization.Randomization,
         horizon: int,
-        relative: bool = False,
         visible: bool = False,
     ) -> None:
         if config.engine != "bullet":
@@ -75,7 +72,6 @@ class Simulator:
             )
         self.world = World(config, visible)
         self.bodies, self.bank, self.preset, self.horizon = bodies, bank, preset, horizon
-        self.relative = relative
         self.elapsed = 0
         self.fault: str | None = None
         self.start: tuple[int, int, float] = (0, 0, 0.0)  # variant, seed and gravity of the episode
@@ -108,11 +104,7 @@ class Simulator:
         sticky = "sticky_action" in self._steps and self._steps["sticky_action"][number]
         if not sticky:
             action = np.clip(action, -1.0, 1.0)
-            if self.relative:
-                target = world.q[-1] + RELATIVE_STEP * action
-                self._target = np.clip(target, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
-            else:
-                self._target = MIDDLE + FULL_RANGE * action
+            self._target = MIDDLE + FULL_RANGE * action
         self._disturb(number / CONTROL_RATE)
         noise = self.noise(number)
         before = world.q.copy(), world.e.copy(), world.joints, world.position, world.rotation

@@ -45,13 +45,10 @@ class Blueprint:
     bank: Any
     preset: Any
     horizon: int
-    relative: bool
 
     def build(self, visible: bool = False) -> Simulator:
         """A new simulator."""
-        return Simulator(
-            self.config, self.bodies, self.bank, self.preset, self.horizon, self.relative, visible
-        )
+        return Simulator(self.config, self.bodies, self.bank, self.preset, self.horizon, visible)
 
 
 def views_of(memory: dict[str, Any], environments: int) -> dict[str, np.ndarray]:

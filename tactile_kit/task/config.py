@@ -86,9 +86,9 @@ class TaskConfig(Settings):
     goals: Literal["so3", "octahedral"] = Field(default="so3", description="where goals are drawn from")
     horizon: int = Field(default=100, ge=1, le=10000, description="actions an episode, 0.1 s each")
     success_angle: float = Field(default=0.4, gt=0, description="largest final angle of a success, rad")
-    action: Literal["absolute", "relative", "increment"] = Field(
+    action: Literal["absolute", "increment"] = Field(
         default="absolute",
-        description="target joint angles, steps from the measured ones, or steps from the filtered command",
+        description="target joint angles, or steps from the filtered command",
     )
     grasps: int = Field(default=8, ge=1, le=1000, description="initial grasps a variant")
     grasp_spread: float = Field(
@@ -96,11 +96,6 @@ class TaskConfig(Settings):
         ge=0,
         le=0.5,
         description="how far grasps stray from the heuristic's posture, rad (training)",
-    )
-    goal_every: int = Field(
-        default=0,
-        ge=0,
-        description="a new goal after so many actions, the object as it is (training); 0: never",
     )
     reward: RewardConfig = RewardConfig()
     simulation: SimulationConfig = SimulationConfig()

@@ -42,5 +42,4 @@ class Core:
             self.variants.bank,
             self.preset,
             config.horizon,
-            config.action == "relative",
         )

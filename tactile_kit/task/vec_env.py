@@ -14,14 +14,13 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-import randomization
 from tactile_kit.hand.kinematics import JOINTS
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.simulation.vector import VectorSimulation
 from tactile_kit.task.actions import checked, for_simulator
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
-from tactile_kit.task.goals import EpisodeSpec, draw_goal, training_episodes
+from tactile_kit.task.goals import EpisodeSpec, training_episodes
 from tactile_kit.task.observation import Belief
 from tactile_kit.task.reward import terms_of_angles
 from tactile_kit.task.rotations import geodesic
@@ -261,24 +260,11 @@ class ReorientVecEnv(VecEnv):
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for i in np.flatnonzero(done).tolist():
             infos[i] = self._finish(i, Status(int(status[i])), ended[i], observation[i])
-        changed = done | self._change_goals(~done)
         if done.any():
             self._begin(done)
             self.belief = self._start_belief(done)
-        if changed.any():
-            observation = self._observe_again(observation, np.flatnonzero(changed))
+            observation = self._observe_again(observation, np.flatnonzero(done))
         return observation, reward, done, infos
-
-    def _change_goals(self, mask: Array) -> Array:
-        """New goals among ``mask (E,)`` where ``goal_every`` actions have passed; returns where, ``(E,) bool``."""
-        every, state = self.config.goal_every, self.state
-        due = mask & (state.elapsed % every == 0) if every else np.zeros_like(mask)
-        rows = np.flatnonzero(due)
-        for i in rows.tolist():
-            generator = randomization.stream(self._spec[i].seed, "goal", int(state.elapsed[i]))
-            state.goal[i] = draw_goal(self.config, generator)
-        self._theta[rows] = geodesic(state.R[rows], state.goal[rows])
-        return due
 
     def _finish(self, i: int, status: Status, ended: dict[str, Any], observation: Array) -> dict[str, Any]:
         theta = self._theta[i]

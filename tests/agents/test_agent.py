@@ -22,16 +22,16 @@ from tactile_kit.runs.training import make_learner
 NETWORK = {"hidden": (32, 24)}
 
 
-def config(algorithm: str = "sac", **changes) -> RunConfig:
+def config(**changes) -> RunConfig:
     learner = {"actor": NETWORK, "critic": NETWORK}
     return RunConfig.preset(
-        f"{algorithm}-smoke", {"encoding": "none", "start_at_grasp": False, algorithm: learner, **changes}
+        "ppo-smoke", {"encoding": "none", "start_at_grasp": False, "ppo": learner, **changes}
     )
 
 
-def export(directory: Path, algorithm: str = "sac", env: ToyEnv | None = None, **changes):
+def export(directory: Path, env: ToyEnv | None = None, **changes):
     directory.mkdir(parents=True, exist_ok=True)
-    settings = config(algorithm, **changes)
+    settings = config(**changes)
     learner = make_learner(settings, env or ToyEnv(8))
     learner.learn(600)
     export_agent(directory, settings, learner, hours=0.01)
@@ -42,9 +42,8 @@ def some(learner, count: int = 20) -> np.ndarray:
     return np.random.default_rng(0).normal(size=(count, *learner.observation_space.shape)).astype(np.float32)
 
 
-@pytest.mark.parametrize("algorithm", ["sac", "ppo"])
-def test_a_loaded_agent_acts_as_the_learner_did(tmp_path: Path, algorithm: str) -> None:
-    learner = export(tmp_path, algorithm)
+def test_a_loaded_agent_acts_as_the_learner_did(tmp_path: Path) -> None:
+    learner = export(tmp_path)
     agent = load_agent(tmp_path)
     assert isinstance(agent, Agent) and agent.kind == "oracle" and agent.estimator is None
     assert agent.manifest.steps == learner.num_timesteps and agent.task.encoding == "none"
@@ -130,7 +129,7 @@ class Bomb:
 
 def test_weights_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     learner = export(tmp_path)
-    state = learner.actor.network.state_dict()
+    state = learner.policy.actor.state_dict()
     replace_weights(tmp_path, pickle.dumps(Bomb()))
     with pytest.raises(AgentError, match="not a safetensors file"):
         load_agent(tmp_path)
@@ -148,11 +147,10 @@ def test_weights_that_do_not_fit_are_refused(tmp_path: Path) -> None:
         load_agent(tmp_path)
 
 
-@pytest.mark.parametrize("algorithm", ["sac", "ppo"])
-def test_warm_start_with_more_terms_acts_as_its_source(tmp_path: Path, algorithm: str) -> None:
-    source = export(tmp_path, algorithm)
+def test_warm_start_with_more_terms_acts_as_its_source(tmp_path: Path) -> None:
+    source = export(tmp_path)
     env = ToyEnv(8, sigma=2)
-    learner = make_learner(config(algorithm, seed=5), env)
+    learner = make_learner(config(seed=5), env)
     record = warm_start(learner, tmp_path, "none")
     assert record["steps"] == source.num_timesteps and record["as_initialised"] == []
     observations = some(source)
@@ -163,18 +161,10 @@ def test_warm_start_with_more_terms_acts_as_its_source(tmp_path: Path, algorithm
     got, _ = learner.predict(wider, deterministic=True)
     np.testing.assert_allclose(got, wanted, atol=1e-6)
     with torch.no_grad():
-        if algorithm == "sac":
-            actions = torch.from_numpy(wanted)
-            for critic in (learner.critic, learner.critic_target):
-                torch.testing.assert_close(
-                    critic(torch.from_numpy(wider), actions)[0],
-                    source.critic(torch.from_numpy(observations), actions)[0], atol=1e-5, rtol=0,
-                )  # fmt: skip
-        else:
-            torch.testing.assert_close(
-                learner.policy.predict_values(torch.from_numpy(wider)),
-                source.policy.predict_values(torch.from_numpy(observations)), atol=1e-5, rtol=0,
-            )  # fmt: skip
+        torch.testing.assert_close(
+            learner.policy.predict_values(torch.from_numpy(wider)),
+            source.policy.predict_values(torch.from_numpy(observations)), atol=1e-5, rtol=0,
+        )  # fmt: skip
     norm = learner.policy.norm
     assert (norm.count[-2:] == 0).all() and (norm.count[:-2] > 0).all()
 
@@ -183,7 +173,7 @@ def test_a_warm_started_policy_can_learn_the_new_term(tmp_path: Path) -> None:
     export(tmp_path)
     learner = make_learner(config(seed=5), ToyEnv(8, sigma=2))
     warm_start(learner, tmp_path, "none")
-    before = learner.actor.network.trunk.layers[0].weight[:, -2:].clone()
+    before = learner.policy.actor.trunk.layers[0].weight[:, -2:].clone()
     assert (before == 0).all()
     learner._setup_learn(10**6, None)
     transition_filled = [learner.env.step(np.zeros((8, 12), np.float32)) for _ in range(1)]
@@ -192,39 +182,33 @@ def test_a_warm_started_policy_can_learn_the_new_term(tmp_path: Path) -> None:
     assert (learner.policy.norm.count[-2:] > 0).all()
 
 
-def test_warm_start_from_sac_to_ppo_keeps_the_actions(tmp_path: Path) -> None:
-    source = export(tmp_path, "sac")
-    actor = config("sac").sac.actor.model_dump()
-    plain = config("ppo", **{"ppo.actor": actor})
-    with pytest.raises(AgentError, match="bounded_mean"):
-        warm_start(make_learner(plain, ToyEnv(8)), tmp_path, "none")
-    learner = make_learner(config("ppo", **{"ppo.actor": actor, "ppo.bounded_mean": True}), ToyEnv(8))
-    record = warm_start(learner, tmp_path, "none")
-    assert "critic" in record["as_initialised"]
-    observations = some(source)
-    wanted, _ = source.predict(observations, deterministic=True)
-    got, _ = learner.predict(observations, deterministic=True)
-    np.testing.assert_allclose(got, wanted, atol=1e-6)
+def test_a_warm_start_from_a_mean_that_passes_a_tanh_is_refused(tmp_path: Path) -> None:
+    """As older agents' does: its output means something else."""
+    export(tmp_path)
+    network = json.loads((tmp_path / "agent.json").read_text())["network"]
+    edit(tmp_path, network={**network, "squashed": True})
+    with pytest.raises(AgentError, match="passes a tanh"):
+        warm_start(make_learner(config(), ToyEnv(8)), tmp_path, "none")
 
 
 def test_a_chain_of_warm_starts_counts_all_steps_and_hours(tmp_path: Path) -> None:
-    first = export(tmp_path / "first", "ppo")
-    record = warm_start(make_learner(config("ppo"), ToyEnv(8)), tmp_path / "first", "none")
+    first = export(tmp_path / "first")
+    record = warm_start(make_learner(config(), ToyEnv(8)), tmp_path / "first", "none")
     assert (record["from"], record["steps"], record["hours"]) == ("first", first.num_timesteps, 0.01)
-    settings = config("ppo")
+    settings = config()
     second = make_learner(settings, ToyEnv(8))
     second.learn(600)
     (tmp_path / "second").mkdir()
     export_agent(tmp_path / "second", settings, second, hours=0.02, warm_start=record)
-    record = warm_start(make_learner(config("ppo"), ToyEnv(8)), tmp_path / "second", "none")
+    record = warm_start(make_learner(config(), ToyEnv(8)), tmp_path / "second", "none")
     assert record["from"] == "second" and record["steps"] == first.num_timesteps + second.num_timesteps
     assert record["hours"] == pytest.approx(0.03)
 
 
 @pytest.mark.parametrize("kept", [True, False])
 def test_a_warm_started_ppo_keeps_sigma_unless_told_otherwise(tmp_path: Path, kept: bool) -> None:
-    source = export(tmp_path, "ppo")
-    learner = make_learner(config("ppo", **{"ppo.log_std": -2.5, "ppo.keep_sigma": kept}), ToyEnv(8))
+    source = export(tmp_path)
+    learner = make_learner(config(**{"ppo.log_std": -2.5, "ppo.keep_sigma": kept}), ToyEnv(8))
     warm_start(learner, tmp_path, "none")
     wanted = source.policy.actor.log_std if kept else torch.full((12,), -2.5)
     assert torch.equal(learner.policy.actor.log_std, wanted)
@@ -235,7 +219,7 @@ def test_warm_start_with_another_encoding_forgets_the_shape_only(tmp_path: Path)
     source = export(tmp_path)
     learner = make_learner(config(), ToyEnv(8))
     warm_start(learner, tmp_path, "pos")
-    old, new = source.actor.network.trunk.layers[0].weight, learner.actor.network.trunk.layers[0].weight
+    old, new = source.policy.actor.trunk.layers[0].weight, learner.policy.actor.trunk.layers[0].weight
     shape = source.env.layout.slice("shape")
     assert (new[:, shape] == 0).all()
     others = np.delete(np.arange(old.shape[1]), np.arange(shape.start, shape.stop))

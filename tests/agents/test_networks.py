@@ -1,4 +1,4 @@
-"""Networks: normalisation, D2RL wiring, the learned shape layer, the critics' batched form."""
+"""Networks: normalisation, D2RL wiring, the learned shape layer."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import pytest
 import torch
 from gymnasium import spaces
 
-from tactile_kit.agents.config import NetworkConfig, PPOConfig, SACConfig
+from tactile_kit.agents.config import NetworkConfig
 from tactile_kit.agents.networks import (
-    CriticEnsemble,
     GaussianPolicy,
     InputLayout,
     ObservationFeatures,
@@ -20,6 +19,7 @@ from tactile_kit.agents.networks import (
 )
 from tactile_kit.shape import ENCODINGS
 
+PAPER = (512, 512, 256, 128)
 PLAIN = InputLayout((("joints", 4), ("goal", 6), ("shape", 3)))
 
 
@@ -68,11 +68,11 @@ def test_pooled_entries_share_their_statistics() -> None:
 
 
 def test_d2rl_concatenates_the_input_to_every_hidden_layer() -> None:
-    net = Perceptron(353, NetworkConfig())
+    net = Perceptron(353, NetworkConfig(hidden=PAPER))
     assert [layer.in_features for layer in net.layers] == [353, 512 + 353, 512 + 353, 256 + 353]
     assert [layer.out_features for layer in net.layers] == [512, 512, 256, 128]
     assert isinstance(net.activation, torch.nn.ELU)
-    plain = Perceptron(353, NetworkConfig(dense=False))
+    plain = Perceptron(353, NetworkConfig(hidden=PAPER, dense=False))
     assert [layer.in_features for layer in plain.layers] == [353, 512, 512, 256]
 
 
@@ -151,14 +151,7 @@ def test_learned_shape_layer_stands_where_the_encoding_has_one(name: str) -> Non
         terms.append(("shape", encoding.observation_size))
     terms.append(("pose", 9))
 
-    class Instance:
-        size, observation_size = encoding.size, encoding.observation_size
-
-        @staticmethod
-        def features():
-            return encoding.features(None)
-
-    extractor = features(InputLayout.of_encoding(tuple(terms), Instance))
+    extractor = features(InputLayout.of_encoding(tuple(terms), encoding))
     out = extractor(torch.randn(3, sum(size for _, size in terms)))
     assert out.shape == (3, 4 + 6 + encoding.size + 9) == (3, extractor.features_dim)
     assert (extractor.shape is not None) == (encoding.size != encoding.observation_size)
@@ -166,71 +159,7 @@ def test_learned_shape_layer_stands_where_the_encoding_has_one(name: str) -> Non
 
 def test_rest_action_is_what_an_untrained_policy_takes() -> None:
     rest = (0.3, -0.9)
-    for squashed, bounded in ((True, False), (False, True), (False, False)):
-        policy = GaussianPolicy(
-            features(PLAIN), 2, NetworkConfig(hidden=(16,)), squashed=squashed, bounded=bounded, rest=rest
-        )
+    for squashed in (True, False):
+        policy = GaussianPolicy(features(PLAIN), 2, NetworkConfig(hidden=(16,)), squashed=squashed, rest=rest)
         actions = policy.act(torch.randn(50, PLAIN.size))
         assert (actions - torch.tensor(rest)).abs().max() < 0.05
-
-
-def test_squashed_density_integrates_to_one() -> None:
-    torch.manual_seed(0)
-    policy = GaussianPolicy(features(PLAIN), 1, NetworkConfig(hidden=(8,)), squashed=True, log_std=-0.5)
-    with torch.no_grad():
-        latent = policy.features(torch.randn(1, PLAIN.size))
-        grid = torch.linspace(-0.9999, 0.9999, 20001)
-        mean, log_std = policy.moments(latent)
-        noise = ((torch.atanh(grid) - mean[0]) / log_std[0].exp())[:, None]
-        action, density = policy.squashed_sample(latent.expand(len(grid), -1), noise)
-    torch.testing.assert_close(action[:, 0], grid, atol=1e-5, rtol=0)
-    assert abs(torch.trapezoid(density.exp(), grid).item() - 1) < 1e-3
-
-
-def test_critics_equal_separate_networks() -> None:
-    torch.manual_seed(0)
-    config = NetworkConfig(hidden=(9, 8), activation="relu", dense=False, layer_norm=True)
-    ensemble = CriticEnsemble(features(PLAIN), 2, config, critics=3)
-    for gain, offset in zip(ensemble.gains, ensemble.offsets, strict=True):
-        torch.nn.init.normal_(gain)
-        torch.nn.init.normal_(offset)
-    x, a = torch.randn(11, PLAIN.size), torch.rand(11, 2) * 2 - 1
-    for index, value in enumerate(ensemble(x, a)):
-        hidden = torch.cat([a, ensemble.features(x)], 1)
-        for layer in range(3):
-            weight = ensemble.weights[layer][index]
-            if layer == 0:
-                weight = torch.cat([ensemble.action_weights[index], weight], 1)
-            hidden = hidden @ weight.T + ensemble.biases[layer][index]
-            if layer < 2:
-                hidden = torch.nn.functional.layer_norm(
-                    hidden,
-                    hidden.shape[-1:],
-                    ensemble.gains[layer][index, 0],
-                    ensemble.offsets[layer][index, 0],
-                )
-                hidden = torch.relu(hidden)
-        torch.testing.assert_close(value, hidden)
-
-
-def test_presets() -> None:
-    paper = PPOConfig.preset("paper")
-    assert (paper.minibatch, paper.kl_threshold, paper.clip, paper.entropy) == (2**15, 0.016, 0.2, 1e-3)
-    assert (paper.gamma, paper.gae_lambda, paper.critic_coefficient, paper.weight_decay) == (
-        0.99,
-        0.95,
-        4.0,
-        1e-5,
-    )
-    assert (
-        paper.actor
-        == paper.critic
-        == NetworkConfig(hidden=(512, 512, 256, 128), activation="elu", dense=True)
-    )
-    sac = SACConfig.preset("small")
-    assert (sac.gamma, sac.batch, sac.target_entropy) == (0.95, 512, -6.0)
-    assert sac.critic.layer_norm and sac.critic.hidden == (256, 256)
-    with pytest.raises(ValueError, match="'paper' or 'small'"):
-        PPOConfig.preset("large")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="dense"):
-        CriticEnsemble(features(PLAIN), 2, NetworkConfig())

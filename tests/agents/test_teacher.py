@@ -19,12 +19,14 @@ TASK = {"objects": "cube", "horizon": 8, "grasps": 2, "action": "increment"}
 
 
 def config(encoding: str, **changes) -> RunConfig:
-    learner = {"rollout": 16, "minibatch": 32, "epochs": 4, "actor": SMALL, "critic": SMALL} | changes.pop(
-        "ppo", {}
-    )
+    learner = {
+        "rollout": 16, "minibatch": 32, "epochs": 4, "actor": SMALL, "critic": SMALL, "learning_rate": 3e-4,
+        "critic_learning_rate": None, "kl_threshold": 0.016, "noise_correlation": 0.0,
+    } | changes.pop("ppo", {})  # fmt: skip
     settings = {
         "steps": 64, "num_envs": 4, "encoding": encoding, "log_every": 64, "start_at_grasp": False, "ppo": learner,
-        "task": TASK, "evaluation": {"minutes": 0},
+        "task": TASK, "evaluation": {"minutes": 0}, "gravity": {"start": 9.81, "steps": 0},
+        "episodes": {"engine": "bullet", "drag": 0, "grasps": 2, "grasp_spread": 0.0},
     }  # fmt: skip
     return RunConfig.preset("ppo-smoke", settings | changes)
 

@@ -80,7 +80,7 @@ def test_the_actor_reads_its_own_terms_alone(envs) -> None:
     from tactile_kit.runs.export import _own_tensors
 
     _, seeing = envs
-    learner = PPO(seeing, PPOConfig.preset("small").model_copy(update={"rollout": 4, "minibatch": 6}))
+    learner = PPO(seeing, PPOConfig(rollout=4, minibatch=6))
     assert "true_pose" not in dict(learner.input_layout.terms)
     observation = torch.from_numpy(seeing.reset())
     other = observation.clone()

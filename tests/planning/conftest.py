@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from tactile_kit.planning import PlannerConfig
-from tactile_kit.planning.demonstrations import collect
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
 
@@ -25,13 +22,3 @@ def core(task: TaskConfig, own_cache: None) -> Core:
 @pytest.fixture(scope="session")
 def small() -> PlannerConfig:
     return PlannerConfig(plans=8, plans_at_goal=6, horizon=6, finalists=2, repeats=2)
-
-
-@pytest.fixture(scope="session")
-def demonstrations(
-    task: TaskConfig, small: PlannerConfig, tmp_path_factory: pytest.TempPathFactory, own_cache: None
-) -> Path:
-    """Two planned episodes."""
-    directory = tmp_path_factory.mktemp("demonstrations")
-    collect(task, directory, range(2), seed=5, planner=small)
-    return directory

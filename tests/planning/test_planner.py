@@ -37,19 +37,14 @@ def test_a_roll_out_is_what_then_happens(make, small) -> None:
     planner.start(0)
     plan, goal = (Move(lifted=(1,), back=0.3), Move(turn=0.05)), exp(np.array([0.0, 0.0, 1.0]))
     rollout = planner.play(simulator.world.snapshot(), plan, goal, np.zeros(small.horizon, bool))
-    assert len(rollout.states) == small.horizon == len(rollout.actions) + 1 and not rollout.failed
+    assert not rollout.failed
     moves = iter(plan)
-    for number, state in enumerate(rollout.states):
+    for _ in range(small.horizon):
         if planner.gait.over:
             planner.gait.start(next(moves, Move()))
-        action = planner.gait.action(simulator.world, goal)
-        if number:
-            np.testing.assert_array_equal(action, rollout.actions[number - 1])
-        simulator.step(action)
-        np.testing.assert_array_equal(state.R, simulator.world.rotation)
-        np.testing.assert_array_equal(state.x, simulator.world.position)
-        window = np.stack([simulator.world.q, simulator.world.e], axis=1).astype(np.float32)
-        np.testing.assert_array_equal(state.z, window.ravel())
+        simulator.step(planner.gait.action(simulator.world, goal))
+    for name in ("rotation", "position", "q", "e"):
+        np.testing.assert_array_equal(getattr(planner.world, name), getattr(simulator.world, name))
 
 
 def test_planning_leaves_the_episode_alone(make, small) -> None:
@@ -80,7 +75,7 @@ def test_a_drop_ends_a_roll_out_and_costs(make, small) -> None:
     moment = planner.simulator.world.snapshot()
     falling = replace(moment, velocity=np.array([0.0, 0.0, -3.0]))
     rollout = planner.play(falling, (Move(),), np.eye(3), np.zeros(30, bool))
-    assert rollout.failed and len(rollout.actions) < 30 and -7.0 <= rollout.score < -5.5
+    assert rollout.failed and -7.0 <= rollout.score < -5.5
 
 
 def test_shaken_roll_outs_stick_as_often_as_the_episode(make, small) -> None:
@@ -91,7 +86,7 @@ def test_shaken_roll_outs_stick_as_often_as_the_episode(make, small) -> None:
     assert 0.05 < np.mean([planner._sticky().mean() for _ in range(20)]) < 0.15  # the default's 0.1
     moment, goal, stuck = simulator.world.snapshot(), np.eye(3), np.ones(60, bool)
     resting = planner.play(moment, (Move(lifted=(1,)),), goal, stuck)
-    assert not resting.failed and len(resting.actions) == 59  # no action arrives, and the grasp holds
+    assert not resting.failed  # no action arrives, and the grasp holds
     simulator.preset = randomization.preset("none")
     assert not planner._sticky().any()
 
@@ -103,8 +98,6 @@ def test_the_next_plan_is_what_was_left_of_the_last(make, small) -> None:
     planner.act(exp(np.array([0.0, 0.0, 1.5])))
     planner._next = (Move(turn=0.123),)
     assert planner._next in planner._plans(1.0)
-    planner.forget()
-    assert planner.gait.over and planner._next == ()
 
 
 @pytest.mark.slow

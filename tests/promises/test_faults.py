@@ -45,7 +45,7 @@ def failing(config: RunConfig) -> Any:
 
 
 def test_faults_in_a_training(tmp_path: Path) -> None:
-    config = settings("tactile", "sac", 192)
+    config = settings("tactile", 192)
     train(config, tmp_path, make_env=failing, quiet=True)
     last = read_metrics(tmp_path)[-1]
     files = sorted((tmp_path / "faults").iterdir())
@@ -54,8 +54,6 @@ def test_faults_in_a_training(tmp_path: Path) -> None:
     assert saved is not None
     for name, tensor in saved.tensors.items():
         assert not tensor.is_floating_point() or torch.isfinite(tensor).all(), name
-    for name, array in (saved.replay_arrays() or {}).items():
-        assert np.isfinite(array).all(), name
     dumps = [read(file) for file in files]
     assert {dump.fault.split()[0] for dump in dumps} == {"object", "action"}
     simulator = Core(config.task, sigma=True).blueprint.build()

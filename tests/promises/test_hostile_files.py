@@ -7,7 +7,6 @@ import pickle
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 
@@ -25,7 +24,7 @@ class Bomb:
 @pytest.fixture
 def saved(tmp_path: Path) -> Path:
     tensors, values = {"a": torch.arange(3.0)}, {"config": {}, "versions": {}}
-    return checkpoints.save(tmp_path / "checkpoints", 7, tensors, values, {"rows": np.arange(4)})
+    return checkpoints.save(tmp_path / "checkpoints", 7, tensors, values)
 
 
 def forge(path: Path, **changes) -> None:
@@ -78,15 +77,6 @@ def test_files_of_a_checkpoint_are_not_unpickled(saved: Path) -> None:
         with pytest.raises(CheckpointError, match="not a safetensors file"):
             checkpoints.load(saved)
         (saved / name).write_bytes(good)
-    (replay,) = saved.glob("replay-*")
-    np.savez(replay, rows=np.array([Bomb()], dtype=object))
-    forge(saved, files={**files, replay.name: digest(replay.read_bytes())})
-    with pytest.raises(CheckpointError, match="replay"):
-        checkpoints.load(saved).replay_arrays()
-    replay.write_bytes(pickle.dumps(Bomb()))
-    forge(saved, files={**files, replay.name: digest(replay.read_bytes())})
-    with pytest.raises(CheckpointError, match="replay"):
-        checkpoints.load(saved).replay_arrays()
 
 
 def test_links_out_of_a_checkpoint_gain_nothing(saved: Path, tmp_path: Path) -> None:

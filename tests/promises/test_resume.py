@@ -36,12 +36,8 @@ def groups(saved: checkpoints.Checkpoint) -> set[str]:
     return {"/".join(name.split("/")[:2]).split(".")[0] for name in saved.tensors}
 
 
+LEARNER = {"learner/policy", "learner/optimizer", "learner/noise", "env/next_episode"}
 EVERYTHING = {
-    "sac": {
-        "learner/policy", "learner/actor_optimizer", "learner/critic_optimizer", "learner/temperature_optimizer",
-        "learner/temperature", "learner/noise", "env/next_episode",
-    },
-    "ppo": {"learner/policy", "learner/optimizer", "learner/noise", "env/next_episode"},
     "oracle": set(),
     # estimator: weights and Adam (trainer), hidden states (state), recordings (memory), and who is told the truth
     "tactile": {"env/trainer", "env/state", "env/memory", "env/truth", "env/episodes", "env/fresh"},
@@ -49,17 +45,17 @@ EVERYTHING = {
 
 
 @pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
-@pytest.mark.parametrize(("kind", "algorithm"), [("tactile", "sac"), ("tactile", "ppo"), ("oracle", "sac")])
-def test_resumed_equals_uninterrupted(tmp_path: Path, kind: str, algorithm: str) -> None:
+@pytest.mark.parametrize("kind", ["tactile", "oracle"])
+def test_resumed_equals_uninterrupted(tmp_path: Path, kind: str) -> None:
     whole, parts = tmp_path / "whole", tmp_path / "parts"
-    train(settings(kind, algorithm, 2 * HALF), whole, make_env=environment(0), quiet=True)
-    train(settings(kind, algorithm, HALF), parts, make_env=environment(0), quiet=True)
+    train(settings(kind, 2 * HALF), whole, make_env=environment(0), quiet=True)
+    train(settings(kind, HALF), parts, make_env=environment(0), quiet=True)
     between = checkpoints.newest(parts / "checkpoints")[0]
     torch.rand(3), np.random.rand(3)  # whatever happens in between
-    train(settings(kind, algorithm, 2 * HALF), parts, make_env=environment(2), quiet=True)
+    train(settings(kind, 2 * HALF), parts, make_env=environment(2), quiet=True)
     one, two = (checkpoints.newest(folder / "checkpoints")[0] for folder in (whole, parts))
     assert one is not None and two is not None and between is not None
-    assert EVERYTHING[kind] | EVERYTHING[algorithm] <= groups(one)
+    assert EVERYTHING[kind] | LEARNER <= groups(one)
     assert one.step == two.step == 2 * HALF and one.tensors.keys() == two.tensors.keys()
     different = [name for name in one.tensors if not torch.equal(one.tensors[name], two.tensors[name])]
     assert not different
@@ -71,10 +67,6 @@ def test_resumed_equals_uninterrupted(tmp_path: Path, kind: str, algorithm: str)
     assert {name.split("/")[1].split(".")[0] for name in moved} >= {"policy", "noise", "next_episode"}
     for name in ("learner", "tracker", "torch_rng", "env"):  # random streams, adaptive rate, episode counts
         assert one.values[name] == two.values[name], name
-    mine, other = one.replay_arrays(), two.replay_arrays()
-    assert (mine is None) == (other is None) == (algorithm == "ppo")
-    for name, array in (mine or {}).items():
-        np.testing.assert_array_equal(array, other[name], err_msg=name)
     for name in ("policy.safetensors", "critic.safetensors"):
         assert (whole / name).read_bytes() == (parts / name).read_bytes()
     last, again = read_metrics(whole)[-1], read_metrics(parts)[-1]
@@ -85,5 +77,4 @@ def test_resumed_equals_uninterrupted(tmp_path: Path, kind: str, algorithm: str)
     assert last["gravity"] not in (2.0, 9.81)  # resumed on the curriculum's slope
     if kind == "tactile":
         assert last["estimator/iteration"] > 10 and last["rho"] == 0.0
-    if algorithm == "ppo":
-        assert one.values["learner"]["rate"] != settings(kind, algorithm, 1).ppo.learning_rate
+    assert one.values["learner"]["rate"] != settings(kind, 1).ppo.learning_rate

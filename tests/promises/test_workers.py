@@ -19,14 +19,14 @@ TRAINING = """
 import sys
 from promise_cases import settings
 from tactile_kit.runs import train
-train(settings("oracle", "sac", 10_000_000, num_workers=2), sys.argv[1])
+train(settings("oracle", 10_000_000, num_workers=2), sys.argv[1])
 """
 OWN = """
 import sys
 import numpy as np
 import tactile_kit
 from promise_cases import settings
-env = tactile_kit.make_vec(settings("oracle", "sac", 1).task, num_envs=2, num_workers=2)
+env = tactile_kit.make_vec(settings("oracle", 1).task, num_envs=2, num_workers=2)
 env.reset()
 open(sys.argv[1] + "/metrics.jsonl", "w").write("{}")
 while True:

@@ -70,7 +70,7 @@ class World:
         directory.mkdir(parents=True, exist_ok=True)
         kind, encoding, objects = role.split("-")
         manifest = {
-            "schema": 1, "kind": kind, "encoding": encoding, "objects": objects, "seed": seed, "algorithm": "sac",
+            "schema": 1, "kind": kind, "encoding": encoding, "objects": objects, "seed": seed, "algorithm": "ppo",
             "steps": steps, "hours": 0.25, "warm_start": None,
         }  # fmt: skip
         (directory / "agent.json").write_text(json.dumps(manifest))

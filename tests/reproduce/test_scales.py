@@ -177,9 +177,6 @@ def test_pupils_wait_for_their_teacher(tmp_path):
     lone = plan.scale.model_copy(update={"runs": tuple(groups)})
     jobs = json.loads(prepare(make_plan(lone, "scratch", tmp_path)).read_text())["train"]
     assert jobs[pupil.job]["after"] == [teacher.name]
-    plain = {**plan.scale.presets, "taught": {"preset": "sac-small"}}
-    with pytest.raises(ScaleError, match=r"oracle-pos-geometric8-s0: algorithm 'sac' has no teacher.*'ppo'"):
-        run_settings(make_plan(plan.scale.model_copy(update={"presets": plain}), "scratch", tmp_path), pupil)
     missing = groups[1].model_copy(update={"teacher": "oracle-vecbps-{set}-s{seed}"})
     with pytest.raises(ScaleError, match=r"teacher .*nearest valid name: 'oracle-vec_bps-geometric8-s0'"):
         make_plan(
@@ -190,7 +187,7 @@ def test_pupils_wait_for_their_teacher(tmp_path):
 def test_a_wrong_run_setting_names_scale_and_preset(tmp_path):
     scale = load_scale("smoke")
     scale = scale.model_copy(
-        update={"presets": {**scale.presets, "oracle": {"preset": "sac-smoke", "step": 3}}}
+        update={"presets": {**scale.presets, "oracle": {"preset": "ppo-smoke", "step": 3}}}
     )
     plan = make_plan(scale, "scratch", tmp_path)
     with pytest.raises(ScaleError, match=r"scale smoke, preset oracle.*step"):
@@ -200,10 +197,12 @@ def test_a_wrong_run_setting_names_scale_and_preset(tmp_path):
 @pytest.mark.parametrize("engine", ["bullet", "compiled"])
 def test_the_grasps_of_a_training_are_those_of_its_physics(engine):
     episodes = {"engine": engine, "grasps": 5, "grasp_spread": 0.1, "drag": 20.0}
-    run = RunConfig.build({"objects": "cube", "episodes": episodes})
+    run = RunConfig.build({"objects": "cube", "scaling": "nominal", "episodes": episodes})
     name, settings = training_grasps(run.to_dict())
     played = run.episodes.applied(run.task)
     assert finder_of(TaskConfig(**settings)) == finder_of(played)
     assert settings["simulation"]["engine"] == engine and name.startswith("cube-nominal-")
-    thinner = RunConfig.build({"objects": "cube", "episodes": {**episodes, "drag": 10.0}})
+    thinner = RunConfig.build(
+        {"objects": "cube", "scaling": "nominal", "episodes": {**episodes, "drag": 10.0}}
+    )
     assert training_grasps(thinner.to_dict()) == (name, settings)  # shared

@@ -25,12 +25,13 @@ SCALE = {
     "num_envs": 2,
     "presets": {
         "oracle": {
-            "preset": "sac-smoke",
+            "preset": "ppo-smoke",
             "steps": 160,
             "num_envs": 4,
             "log_every": 80,
             "task": {"grasps": 2, "horizon": 20},
-            "sac": {"warmup": 40},
+            "episodes": {"grasps": 2},
+            "ppo": {"rollout": 20, "minibatch": 40},
         }
     },
     "runs": [{"kind": "oracle", "variants": ["none"], "sets": ["cube"], "preset": "oracle"}],

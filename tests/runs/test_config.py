@@ -10,9 +10,10 @@ import pytest
 import yaml
 
 from reproduce.files import ROOT
-from tactile_kit.agents.config import NetworkConfig, PPOConfig
+from tactile_kit.agents.config import NetworkConfig
 from tactile_kit.runs import ConfigError, RunConfig, presets
 from tactile_kit.runs.config import differences
+from tactile_kit.task.config import TaskConfig
 
 
 @pytest.mark.parametrize("name", sorted(presets()))
@@ -25,33 +26,53 @@ def test_presets_resolve_and_survive_yaml(name: str, tmp_path: Path) -> None:
 
 def test_the_paper_preset_is_the_papers() -> None:
     config = RunConfig.preset("ppo-paper")
-    assert (config.num_envs, config.ppo.minibatch, config.algorithm) == (4096, 2**15, "ppo")
-    paper = PPOConfig.preset("paper").model_copy(update={"log_std": 0.0})
-    assert config.ppo == paper
+    assert (config.num_envs, config.ppo.minibatch) == (4096, 2**15)
+    assert (config.ppo.kl_threshold, config.ppo.clip, config.ppo.entropy) == (0.016, 0.2, 1e-3)
+    assert (config.ppo.gamma, config.ppo.gae_lambda, config.ppo.critic_coefficient) == (0.99, 0.95, 4.0)
+    assert (config.ppo.noise_correlation, config.ppo.calm_from, config.ppo.critic_learning_rate) == (
+        0,
+        None,
+        None,
+    )
+    layers = NetworkConfig(hidden=(512, 512, 256, 128), activation="elu", dense=True)
+    assert config.ppo.actor == config.ppo.critic == layers
+    assert config.episodes.applied(config.task) == config.task
+    assert (
+        config.task == TaskConfig(scaling="random")
+        and config.gravity.at(0) == config.gravity.at(10**9) == 9.81
+    )
+
+
+def test_the_recipe_is_what_is_done_by_default() -> None:
+    config = RunConfig.build({})
+    assert config == RunConfig() == RunConfig.preset("ppo-compiled")
+    played = config.episodes.applied(config.task)
+    assert (played.simulation.engine, played.simulation.drag, played.action) == ("compiled", 20, "increment")
+    assert config.gravity.at(0) == 0.1 and config.gravity.at(20_000_000) == 9.81
 
 
 def test_short_forms_are_the_tasks() -> None:
-    config = RunConfig.preset("sac-small", {"encoding": "pos", "objects": "cube,apple", "seed": 3})
+    config = RunConfig.preset("ppo-smoke", {"encoding": "pos", "objects": "cube,apple", "seed": 3})
     assert config.task.encoding == config.encoding == "pos" and config.name == "oracle-pos-cube+apple-s3"
     with pytest.raises(ConfigError, match="encoding"):
         RunConfig.build({"encoding": "pos", "task": {"encoding": "none"}})
 
 
 def test_parts_of_nested_settings_keep_the_other_defaults() -> None:
-    config = RunConfig.build({"sac": {"critic": {"hidden": [8]}}}, {"sac.gamma": 0.9})
-    assert config.sac.critic == NetworkConfig(hidden=(8,), activation="relu", dense=False, layer_norm=True)
-    assert config.sac.gamma == 0.9 and config.sac.batch == 512
+    config = RunConfig.build({"ppo": {"critic": {"hidden": [8]}}}, {"ppo.gamma": 0.9})
+    assert config.ppo.critic == NetworkConfig(hidden=(8,))
+    assert config.ppo.gamma == 0.9 and config.ppo.actor == RunConfig().ppo.actor
 
 
 @pytest.mark.parametrize(
     ("data", "match"),
     [
         ({"stpes": 5}, "stpes: unknown; nearest: 'steps'"),
-        ({"sac": {"bach": 5}}, r"sac\.bach: unknown; nearest: 'batch'"),
+        ({"ppo": {"minibach": 5}}, r"ppo\.minibach: unknown; nearest: 'minibatch'"),
         ({"steps": -1}, "steps.*greater than 0.*-1"),
         ({"task": {"objekts": "cube"}}, "objects"),
         ({"gravity": {"start": 90}}, r"gravity\.start.*20"),
-        ({"algorithm": "td3"}, "algorithm.*td3"),
+        ({"kind": "tactil"}, "kind.*tactil"),
     ],
 )
 def test_bad_settings_name_the_key(data: dict, match: str) -> None:
@@ -64,7 +85,7 @@ def test_files_that_are_no_settings_are_refused(tmp_path: Path) -> None:
     for text, match in (
         ("!!python/object/apply:os.system [true]", "not plain YAML"),
         ("[1, 2]", "list"),
-        ("preset: sac-smal", "sac-small"),
+        ("preset: ppo-smok", "ppo-smoke"),
     ):
         path.write_text(text)
         with pytest.raises(ConfigError, match=match):
@@ -73,21 +94,21 @@ def test_files_that_are_no_settings_are_refused(tmp_path: Path) -> None:
         RunConfig.from_yaml(tmp_path / "none.yaml")
     with pytest.raises(ConfigError, match="ppo-paper"):
         RunConfig.preset("ppo-papre")
-    path.write_text(yaml.safe_dump({"preset": "ppo-small", "seed": 4, "ppo": {"epochs": 2}}))
+    path.write_text(yaml.safe_dump({"preset": "ppo-smoke", "seed": 4, "ppo": {"epochs": 7}}))
     config = RunConfig.from_yaml(path)
-    assert (config.seed, config.ppo.epochs, config.ppo.minibatch) == (4, 2, 2048)
+    assert (config.seed, config.ppo.epochs, config.ppo.minibatch) == (4, 7, 512)
 
 
 def test_differences_let_steps_grow_and_intervals_change() -> None:
-    old = RunConfig.preset("sac-smoke").to_dict()
+    old = RunConfig.preset("ppo-smoke").to_dict()
     free = RunConfig.preset(
-        "sac-smoke", {"steps": 9000, "evaluation.minutes": 5, "checkpoint.minutes": 1, "num_workers": 2}
+        "ppo-smoke", {"steps": 9000, "evaluation.minutes": 5, "checkpoint.minutes": 1, "num_workers": 2}
     )
     assert differences(old, free.to_dict()) == []
-    other = RunConfig.preset("sac-smoke", {"steps": 10, "sac.gamma": 0.9, "num_envs": 4, "task.horizon": 7})
+    other = RunConfig.preset("ppo-smoke", {"steps": 10, "ppo.gamma": 0.9, "num_envs": 4, "task.horizon": 7})
     lines = differences(old, other.to_dict())
-    assert [line.split(":")[0] for line in lines] == ["num_envs", "sac.gamma", "steps", "task.horizon"]
-    assert "num_envs: 8 -> 4" in lines
+    assert [line.split(":")[0] for line in lines] == ["num_envs", "ppo.gamma", "steps", "task.horizon"]
+    assert "num_envs: 16 -> 4" in lines
 
 
 def test_only_training_episodes_are_eased() -> None:
@@ -102,7 +123,9 @@ def test_only_training_episodes_are_eased() -> None:
 
 
 def test_gravity_rises_in_stairs_to_its_end() -> None:
-    gravity = RunConfig.build({"gravity": {"start": 1.0, "end": 9.81, "steps": 1000}}).gravity
+    gravity = RunConfig.build(
+        {"gravity": {"start": 1.0, "end": 9.81, "steps": 1000, "geometric": False}}
+    ).gravity
     values = [gravity.at(step) for step in range(0, 1200)]
     assert values[0] == 1.0 and values[1000] == values[-1] == 9.81
     assert len(set(values)) == 101 and values == sorted(values)
@@ -120,13 +143,13 @@ def test_gravity_waits_while_too_much_is_dropped() -> None:
     assert gravity.after(300, 50, None) == gravity.after(300, 50, 0.1) == 350
     assert gravity.after(300, 50, 0.11) == gravity.after(300, 50, 0.2) == 300
     assert gravity.after(300, 50, 0.21) == 250 and gravity.after(30, 50, 0.9) == 0
-    steady = RunConfig.build({"gravity": {"start": 1.0, "steps": 1000}}).gravity
+    steady = RunConfig.build({"gravity": {"start": 1.0, "steps": 1000, "drops": 1.0}}).gravity
     assert steady.after(300, 50, 1.0) == 350
 
 
 def test_settings_do_not_import_torch() -> None:
     code = (
-        "import sys, tactile_kit.runs; tactile_kit.runs.RunConfig.preset('sac-smoke'); "
+        "import sys, tactile_kit.runs; tactile_kit.runs.RunConfig.preset('ppo-smoke'); "
         "assert 'torch' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
@@ -144,8 +167,21 @@ def test_settings_from_before_a_setting_existed_are_completed_with_its_default()
     assert any(line.startswith("teapots") for line in differences(_completed(gone), now))
 
 
-@pytest.mark.parametrize(
-    "path", sorted((ROOT / "results" / "agents").glob("*/config.yaml")), ids=lambda p: p.parent.name
-)
-def test_what_shipped_agents_were_trained_with_is_read_back(path: Path) -> None:
-    assert RunConfig.from_yaml(path).to_dict()["kind"] == path.parent.name.split("-")[0]
+RUNS = sorted((ROOT / "results").glob("*/*/config.yaml"))
+
+
+@pytest.mark.parametrize("path", RUNS, ids=lambda path: path.parent.name)
+def test_what_shipped_runs_were_trained_with_is_read_back(path: Path) -> None:
+    """And to the same settings when written again: nothing that they say has lost its meaning."""
+    config = RunConfig.from_yaml(path)
+    given = yaml.safe_load(path.read_text())
+    for part in ("task", "ppo", "episodes", "gravity"):
+        assert given[part] == config.to_dict()[part]
+    config.episodes.applied(config.task)
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "results" / "agents").iterdir()), ids=lambda path: path.name)
+def test_shipped_agents_load(path: Path) -> None:
+    from tactile_kit.agents import load_agent
+
+    assert load_agent(path).task.encoding == RunConfig.from_yaml(path / "config.yaml").encoding

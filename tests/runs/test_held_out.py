@@ -17,11 +17,11 @@ def test_evaluations_while_training_and_at_its_end(
 ) -> None:
     tiny = {"hidden": (16,)}
     config = RunConfig.preset(
-        "sac-smoke",
+        "ppo-smoke",
         {
             "steps": 24, "num_envs": 12, "encoding": "none", "log_every": 12, "start_at_grasp": False,
-            "task": {"objects": "cube", "grasps": 2, "horizon": 20},
-            "sac": {"warmup": 4, "batch": 8, "actor": tiny, "critic": tiny},
+            "task": {"objects": "cube", "grasps": 2, "horizon": 20}, "episodes": {"grasps": 2},
+            "ppo": {"rollout": 1, "minibatch": 12, "actor": tiny, "critic": tiny},
             "evaluation": {"minutes": 1e-6, "at_end": True, "num_envs": 24},
         },
     )  # fmt: skip

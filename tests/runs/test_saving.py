@@ -20,7 +20,7 @@ from tactile_kit.runs import checkpoint as checkpoints
 from tactile_kit.runs import train
 from tactile_kit.runs.session import Run
 
-FIRST, SECOND = 480, 960  # environment steps at the two saves of a run
+FIRST, SECOND = 512, 1024  # environment steps at the two saves of a run
 CHANGES = ("os.rename", "os.remove", "os.rmdir", "os.mkdir", "os.chmod", "tempfile.mkstemp", "fsync")
 
 
@@ -69,7 +69,7 @@ def at_second_save(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[
             save(run)
 
         monkeypatch.setattr(Run, "save", visited)
-        train(settings("sac", SECOND, **changes), tmp_path / "run", make_env=toy, quiet=True)
+        train(settings(SECOND, **changes), tmp_path / "run", make_env=toy, quiet=True)
         monkeypatch.setattr(Run, "save", save)
         return tmp_path / "run"
 
@@ -104,7 +104,7 @@ def test_a_kill_between_any_two_changes_on_disk_loses_nothing(at_second_save, tm
     assert seen == sorted(seen) and set(seen) == {(FIRST, FIRST), (SECOND, FIRST), (SECOND, SECOND)}
     for number in range(1, len(seen) + 1, 5):
         directory = tmp_path / f"killed{number:03d}"
-        train(settings("sac", SECOND), directory, make_env=toy, quiet=True)
+        train(settings(SECOND), directory, make_env=toy, quiet=True)
         for name in ("policy.safetensors", "critic.safetensors"):
             assert (directory / name).read_bytes() == (whole / name).read_bytes()
         assert {path.name for path in directory.iterdir()} == {path.name for path in whole.iterdir()}
@@ -190,7 +190,7 @@ def test_training_goes_on_after_a_save_that_failed(
 
     whole = Run.save
     monkeypatch.setattr(Run, "save", save)
-    train(settings("sac", 1600), tmp_path, make_env=toy)
+    train(settings(1664), tmp_path, make_env=toy)
     assert "could not save a checkpoint ([Errno 27] File too large" in capsys.readouterr().err
     steps = [int(path.name.split("-")[1]) for path in checkpoints.listing(tmp_path / "checkpoints")]
-    assert steps == [1440, 1600] and not list((tmp_path / "checkpoints").glob(".writing-*"))
+    assert steps == [1536, 1664] and not list((tmp_path / "checkpoints").glob(".writing-*"))

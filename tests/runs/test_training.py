@@ -12,7 +12,6 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 from toy_run import settings, toy
@@ -34,8 +33,8 @@ from tactile_kit.runs.directory import locked
 SCRIPT = Path(__file__).parent / "toy_run.py"
 
 
-def run(directory: Path, algorithm: str, steps: int, **changes) -> Path:
-    return train(settings(algorithm, steps, **changes), directory, make_env=toy, quiet=True)
+def run(directory: Path, steps: int, **changes) -> Path:
+    return train(settings(steps, **changes), directory, make_env=toy, quiet=True)
 
 
 def last(directory: Path) -> checkpoints.Checkpoint:
@@ -50,10 +49,6 @@ def assert_same(a: checkpoints.Checkpoint, b: checkpoints.Checkpoint) -> None:
         assert torch.equal(tensor, b.tensors[name]), name
     assert a.values["learner"] == b.values["learner"]
     assert a.values["tracker"] == b.values["tracker"]
-    mine, other = a.replay_arrays(), b.replay_arrays()
-    assert (mine is None) == (other is None)
-    for name, array in (mine or {}).items():
-        np.testing.assert_array_equal(array, other[name], err_msg=name)
 
 
 def test_a_run_leaves_torch_as_it_was(tmp_path: Path) -> None:
@@ -63,28 +58,30 @@ def test_a_run_leaves_torch_as_it_was(tmp_path: Path) -> None:
         return torch.get_num_threads(), torch.get_float32_matmul_precision()
 
     def fail(config: RunConfig) -> ToyEnv:
-        assert now() == (2, "medium")
+        assert now() == (1, "medium")
         raise OSError("no environment")
 
+    one_thread = torch.get_num_threads()
+    torch.set_num_threads(2)
     before = now()
     assert before[1] == "highest"
-    run(tmp_path / "whole", "sac", 64, threads=2, matmul_precision="medium")
+    run(tmp_path / "whole", 128, threads=2, matmul_precision="medium")
     assert now() == before
     with pytest.raises(OSError, match="no environment"):
         train(
-            settings("sac", 64, threads=2, matmul_precision="medium"),
+            settings(128, threads=2, matmul_precision="medium"),
             tmp_path / "failed",
             make_env=fail,
             quiet=True,
         )
     assert now() == before
+    torch.set_num_threads(one_thread)
 
 
-@pytest.mark.parametrize("algorithm", ["sac", "ppo"])
-def test_a_run_leaves_an_agent_and_its_history(tmp_path: Path, algorithm: str) -> None:
-    run(tmp_path, algorithm, 1024)
+def test_a_run_leaves_an_agent_and_its_history(tmp_path: Path) -> None:
+    run(tmp_path, 1024)
     assert finished(tmp_path)
-    assert RunConfig.from_yaml(tmp_path / "config.yaml") == settings(algorithm, 1024)
+    assert RunConfig.from_yaml(tmp_path / "config.yaml") == settings(1024)
     lines = read_metrics(tmp_path)
     assert [line["step"] for line in lines] == [256, 512, 768, 1024]
     for key in (
@@ -106,25 +103,25 @@ def test_a_run_leaves_an_agent_and_its_history(tmp_path: Path, algorithm: str) -
     assert any((tmp_path / "tensorboard").iterdir())
     assert len(list((tmp_path / "checkpoints").iterdir())) == 2
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.name != ".lock"}
-    run(tmp_path, algorithm, 1024)  # nothing left to do
+    run(tmp_path, 1024)  # nothing left to do
     assert before == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.name != ".lock"}
 
 
 def test_a_kill_between_checkpoint_and_export_is_made_good(tmp_path: Path) -> None:
-    run(tmp_path, "sac", 480)
+    run(tmp_path, 512)
     whole = {name: (tmp_path / name).read_bytes() for name in ("agent.json", "policy.safetensors")}
     older = json.loads(whole["agent.json"]) | {"steps": 240, "weights": {"policy.safetensors": "0"}}
     (tmp_path / "agent.json").write_text(json.dumps(older))
-    run(tmp_path, "sac", 480)
+    run(tmp_path, 512)
     assert {name: (tmp_path / name).read_bytes() for name in whole} == whole
 
 
-@pytest.mark.parametrize(("algorithm", "half"), [("sac", 960), ("ppo", 1024)])
-def test_resumed_equals_uninterrupted(tmp_path: Path, algorithm: str, half: int) -> None:
-    run(tmp_path / "a", algorithm, 2 * half)
-    run(tmp_path / "b", algorithm, half)
+def test_resumed_equals_uninterrupted(tmp_path: Path) -> None:
+    half = 1024
+    run(tmp_path / "a", 2 * half)
+    run(tmp_path / "b", half)
     torch.rand(7)  # whatever happens in between
-    run(tmp_path / "b", algorithm, 2 * half)
+    run(tmp_path / "b", 2 * half)
     assert_same(last(tmp_path / "a"), last(tmp_path / "b"))
     for name in ("policy.safetensors", "critic.safetensors"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
@@ -134,7 +131,7 @@ def test_resumed_equals_uninterrupted(tmp_path: Path, algorithm: str, half: int)
     for step, line in again.items():
         for key in ("success", "theta", "drops", "reward", "episodes", "gravity", "updates"):
             assert line.get(key) == lines[step].get(key), (step, key)
-    third = settings(algorithm, 2 * half, seed=1)
+    third = settings(2 * half, seed=1)
     train(third, tmp_path / "c", make_env=toy, quiet=True)
     assert (tmp_path / "a/policy.safetensors").read_bytes() != (
         tmp_path / "c/policy.safetensors"
@@ -150,15 +147,15 @@ def test_resumed_equals_uninterrupted_with_two_threads(tmp_path: Path) -> None:
         return toy(config)
 
     for name, steps in (("whole", 1024), ("parts", 512), ("parts", 1024)):
-        train(settings("ppo", steps, threads=2), tmp_path / name, make_env=watched, quiet=True)
+        train(settings(steps, threads=2), tmp_path / name, make_env=watched, quiet=True)
     assert_same(last(tmp_path / "whole"), last(tmp_path / "parts"))
     assert seen == [1, 1, 1]
 
 
-def spawn(directory: Path, algorithm: str, steps: int) -> subprocess.Popen:
+def spawn(directory: Path, steps: int) -> subprocess.Popen:
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     return subprocess.Popen(
-        [sys.executable, str(SCRIPT), str(directory), algorithm, str(steps)],
+        [sys.executable, str(SCRIPT), str(directory), str(steps)],
         env=environment, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
 
@@ -170,12 +167,12 @@ def wait_for_checkpoints(directory: Path, process: subprocess.Popen, count: int,
         time.sleep(0.02)
 
 
-def kills(tmp_path: Path, algorithm: str, count: int, steps: int, seed: int = 0) -> None:
+def kills(tmp_path: Path, count: int, steps: int, seed: int = 0) -> None:
     """Kill a run ``count`` times at random moments, let it finish, and compare it with one never killed."""
     draw = random.Random(seed)
     directory, during = tmp_path / "killed", 0
     for _ in range(count):
-        process = spawn(directory, algorithm, steps)
+        process = spawn(directory, steps)
         before = checkpoints.listing(directory / "checkpoints")
         while process.poll() is None:  # until it has saved once more, then a moment longer
             if checkpoints.listing(directory / "checkpoints") != before:
@@ -191,29 +188,28 @@ def kills(tmp_path: Path, algorithm: str, count: int, steps: int, seed: int = 0)
         )
         if (directory / "agent.json").exists():
             load_agent(directory)
-    print(f"{algorithm}: {count} kills, {during} of them during a save")
-    process = spawn(directory, algorithm, steps)
+    print(f"{count} kills, {during} of them during a save")
+    process = spawn(directory, steps)
     _, errors = process.communicate(timeout=280)
     assert process.returncode == 0, errors
-    run(tmp_path / "whole", algorithm, steps)
+    run(tmp_path / "whole", steps)
     assert_same(last(tmp_path / "whole"), last(directory))
     load_agent(directory)
 
 
 def test_killed_runs_continue_exactly(tmp_path: Path) -> None:
-    kills(tmp_path, "sac", 2, 4800)
+    kills(tmp_path, 2, 5120)
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(3600)
-@pytest.mark.parametrize("algorithm", ["sac", "ppo"])
-def test_killed_many_times(tmp_path: Path, algorithm: str) -> None:
-    kills(tmp_path, algorithm, 12, 12_800 if algorithm == "sac" else 26_624, seed=1)
+def test_killed_many_times(tmp_path: Path) -> None:
+    kills(tmp_path, 12, 26_624, seed=1)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_signals_save_and_leave(tmp_path: Path, number: int) -> None:
-    process = spawn(tmp_path, "sac", 10_000_000)
+    process = spawn(tmp_path, 10_000_000)
     wait_for_checkpoints(tmp_path, process, 1)
     process.send_signal(number)
     _, errors = process.communicate(timeout=60)
@@ -223,11 +219,11 @@ def test_signals_save_and_leave(tmp_path: Path, number: int) -> None:
 
 
 def test_a_second_job_is_refused_while_the_first_lives(tmp_path: Path) -> None:
-    process = spawn(tmp_path, "sac", 10_000_000)
+    process = spawn(tmp_path, 10_000_000)
     try:
         wait_for_checkpoints(tmp_path, process, 1)
         with pytest.raises(LockedError, match=f"process {process.pid}"):
-            run(tmp_path, "sac", 10_000_000)
+            run(tmp_path, 10_000_000)
     finally:
         process.kill()
         process.communicate()
@@ -237,13 +233,11 @@ def test_a_second_job_is_refused_while_the_first_lives(tmp_path: Path) -> None:
         pass
 
 
-@pytest.mark.parametrize(
-    "damage", ["truncated tensors", "no json", "json cut", "json changed", "replay", "empty"]
-)
+@pytest.mark.parametrize("damage", ["truncated tensors", "no json", "json cut", "json changed", "empty"])
 def test_a_damaged_checkpoint_falls_back_to_the_one_before(
     tmp_path: Path, damage: str, capsys: pytest.CaptureFixture
 ) -> None:
-    run(tmp_path, "sac", 1200)
+    run(tmp_path, 1280)
     old, new = checkpoints.listing(tmp_path / "checkpoints")
     state, tensors = new / "state.json", new / "state.safetensors"
     if damage == "truncated tensors":
@@ -254,68 +248,53 @@ def test_a_damaged_checkpoint_falls_back_to_the_one_before(
         state.write_text(state.read_text()[:500])
     elif damage == "json changed":
         state.write_text(state.read_text().replace('"updates": ', '"updates": 1'))
-    elif damage == "replay":
-        replay = next(new.glob("replay-*"))
-        data = bytearray(replay.read_bytes())
-        data[len(data) // 2] ^= 1
-        replay.write_bytes(data)
     else:
         for path in new.iterdir():
             path.unlink()
-    train(settings("sac", 1600), tmp_path, make_env=toy)
+    train(settings(1664), tmp_path, make_env=toy)
     errors = capsys.readouterr().err
     assert f"checkpoint {new.name} is damaged" in errors and "the one before" in errors
-    run(tmp_path / "whole", "sac", int(old.name.split("-")[1]))
-    run(tmp_path / "whole", "sac", 1600)
+    run(tmp_path / "whole", int(old.name.split("-")[1]))
+    run(tmp_path / "whole", 1664)
     assert_same(last(tmp_path / "whole"), last(tmp_path))
 
 
 def test_all_checkpoints_damaged_is_an_error_not_a_fresh_start(tmp_path: Path) -> None:
-    run(tmp_path, "sac", 1200)
+    run(tmp_path, 1280)
     for path in checkpoints.listing(tmp_path / "checkpoints"):
         (path / "state.json").write_text("")
     with pytest.raises(CheckpointError, match="no usable checkpoint"):
-        run(tmp_path, "sac", 1600)
+        run(tmp_path, 1664)
 
 
 def test_other_settings_or_versions_are_refused_readably(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run(tmp_path, "sac", 480)
-    with pytest.raises(ConfigError, match=r"num_envs: 8 -> 16\n.*sac\.gamma: 0\.95 -> 0\.9"):
-        run(tmp_path, "sac", 960, num_envs=16, **{"sac.gamma": 0.9})
-    with pytest.raises(ConfigError, match="480 steps"):
-        train(settings("sac", 960), tmp_path, resume=False, make_env=toy, quiet=True)
+    run(tmp_path, 512)
+    with pytest.raises(ConfigError, match=r"num_envs: 8 -> 16\n.*ppo\.gamma: 0\.985 -> 0\.9"):
+        run(tmp_path, 1024, num_envs=16, **{"ppo.gamma": 0.9})
+    with pytest.raises(ConfigError, match="512 steps"):
+        train(settings(1024), tmp_path, resume=False, make_env=toy, quiet=True)
     monkeypatch.setattr("tactile_kit.runs.training.versions", lambda: {"torch": "9.9"})
     with pytest.raises(ConfigError, match=r"version of torch: 2\S* -> 9\.9"):
-        run(tmp_path, "sac", 960)
-
-
-def test_without_the_replay_memory_a_run_still_continues(
-    tmp_path: Path, capsys: pytest.CaptureFixture
-) -> None:
-    run(tmp_path, "sac", 480, **{"checkpoint.replay": False})
-    assert not list(tmp_path.rglob("replay-*"))
-    train(settings("sac", 960, **{"checkpoint.replay": False}), tmp_path, make_env=toy)
-    assert "no replay memory" in capsys.readouterr().err
-    assert last(tmp_path).step == 960
+        run(tmp_path, 1024)
 
 
 def test_lines_after_the_checkpoint_are_dropped_on_resume(tmp_path: Path) -> None:
-    run(tmp_path, "sac", 480)
+    run(tmp_path, 512)
     with (tmp_path / "metrics.jsonl").open("a") as file:
-        file.write('{"step": 512, "success": 1.0}\n{"step": 7')
-    run(tmp_path, "sac", 960)
+        file.write('{"step": 640, "success": 1.0}\n{"step": 7')
+    run(tmp_path, 1024)
     steps = [line["step"] for line in read_metrics(tmp_path)]
     assert steps == sorted(set(steps)) and all(line["success"] != 1.0 for line in read_metrics(tmp_path))
 
 
 def test_warm_start_is_recorded(tmp_path: Path) -> None:
-    run(tmp_path / "first", "sac", 480)
-    second = settings("sac", 480, warm_start=str(tmp_path / "first"))
+    run(tmp_path / "first", 512)
+    second = settings(512, warm_start=str(tmp_path / "first"))
     train(second, tmp_path / "second", make_env=lambda config: ToyEnv(8, sigma=2), quiet=True)
     manifest = load_agent(tmp_path / "second").manifest
-    assert manifest.warm_start["from"] == "first" and manifest.warm_start["steps"] == 480
+    assert manifest.warm_start["from"] == "first" and manifest.warm_start["steps"] == 512
     assert "from the weights of `first`" in (tmp_path / "second/README.md").read_text()
 
 
@@ -330,6 +309,6 @@ def test_an_environment_that_fails_is_closed_and_the_lock_released(tmp_path: Pat
             Broken.closed = True
 
     with pytest.raises(RuntimeError, match="worker 1 died"):
-        train(settings("sac", 480), tmp_path, make_env=lambda config: Broken(8), quiet=True)
+        train(settings(512), tmp_path, make_env=lambda config: Broken(8), quiet=True)
     assert Broken.closed
-    run(tmp_path, "sac", 480)
+    run(tmp_path, 512)

@@ -42,7 +42,7 @@ def play(bodies, many, meshes):
 
     def make(engine, preset="none", count=COUNT, workers=1, gravity=9.81, horizon=50, **settings):
         config = SimulationConfig(engine=engine, **settings)
-        blueprint = Blueprint(config, bodies, many, randomization.preset(preset), horizon, False)
+        blueprint = Blueprint(config, bodies, many, randomization.preset(preset), horizon)
         if engine == "compiled":
             simulation = CompiledSimulation(blueprint, meshes, count, workers)
         else:
@@ -198,9 +198,7 @@ def test_the_horizon_ends_episodes(play):
 
 @pytest.mark.parametrize("environments", [0, -3])
 def test_there_is_at_least_one_environment(bodies, many, meshes, environments):
-    blueprint = Blueprint(
-        SimulationConfig(engine="compiled"), bodies, many, randomization.preset("none"), 5, False
-    )
+    blueprint = Blueprint(SimulationConfig(engine="compiled"), bodies, many, randomization.preset("none"), 5)
     with pytest.raises(ValueError, match="1 and more"):
         CompiledSimulation(blueprint, meshes, environments, 1)
 

@@ -158,7 +158,6 @@ def test_another_simulation_is_told_apart(build, dump: dumps.Dump) -> None:
     for other, match in (
         (build(horizon=11), "horizon: 10 -> 11"),
         (build(preset="none"), "joint_offset"),
-        (build(relative=True), "relative: False -> True"),
     ):
         with pytest.raises(dumps.DumpError, match=match):
             dumps.replay(dump, other)
@@ -206,7 +205,7 @@ def test_files_that_are_no_dumps_are_refused(dump: dumps.Dump, tmp_path: Path) -
 
 
 def test_faults_are_kept_in_a_folder_that_does_not_grow_for_ever(bodies, bank, tmp_path: Path) -> None:
-    blueprint = Blueprint(SimulationConfig(), bodies, bank, randomization.preset("none"), HORIZON, False)
+    blueprint = Blueprint(SimulationConfig(), bodies, bank, randomization.preset("none"), HORIZON)
     simulation = VectorSimulation(blueprint, 3, 0)
     simulation.faults = tmp_path / "faults"
     views = simulation.views

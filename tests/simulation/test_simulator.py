@@ -1,4 +1,4 @@
-"""Episodes: their end by time, drop and fault, their disturbances, sticky and relative actions."""
+"""Episodes: their end by time, drop and fault, their disturbances, sticky actions."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def with_terms(**distributions) -> randomization.Randomization:
 def build(bodies, bank):
     made = []
 
-    def make(preset=None, horizon: int = 10, relative: bool = False) -> Simulator:
+    def make(preset=None, horizon: int = 10) -> Simulator:
         preset = preset or randomization.preset("none")
-        made.append(Simulator(SimulationConfig(), bodies, bank, preset, horizon, relative))
+        made.append(Simulator(SimulationConfig(), bodies, bank, preset, horizon))
         made[-1].reset(0, 5, 9.81)
         return made[-1]
 
@@ -119,17 +119,6 @@ def test_actions_span_the_joint_range_and_are_clipped_to_it(build) -> None:
     for _ in range(25):
         simulator.step(-np.ones(12))
     np.testing.assert_allclose(simulator.world.command, kinematics.JOINT_LOWER, atol=1e-3)
-
-
-def test_relative_actions_start_from_what_was_measured(build) -> None:
-    simulator = build(relative=True)
-    measured = simulator.world.q[-1].copy()
-    start = simulator.world.command.copy()
-    simulator.step(np.full(12, 0.5))
-    target = np.clip(measured + 0.1, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER)
-    np.testing.assert_allclose(
-        simulator.world.command, target + (start - target) * np.exp(-0.1 / 0.27), atol=1e-9
-    )
 
 
 def test_sticky_actions_repeat_the_last_target(build) -> None:

@@ -23,7 +23,7 @@ def build(bodies, bank):
 
     def make(environments: int, workers: int, horizon: int = 4, config=None) -> VectorSimulation:
         preset = randomization.preset("default")
-        blueprint = Blueprint(config or SimulationConfig(), bodies, bank, preset, horizon, False)
+        blueprint = Blueprint(config or SimulationConfig(), bodies, bank, preset, horizon)
         made.append(VectorSimulation(blueprint, environments, workers))
         views = made[-1].views
         views["next_variant"][:] = np.arange(environments) % 2
@@ -79,7 +79,7 @@ def test_an_exception_in_a_worker_reaches_the_caller_with_its_traceback(build) -
 
 def test_an_exception_while_workers_start_leaves_none_behind(bodies, bank) -> None:
     before = children()
-    broken = Blueprint(SimulationConfig(), bodies, bank, "no randomisation", 4, False)
+    broken = Blueprint(SimulationConfig(), bodies, bank, "no randomisation", 4)
     with pytest.raises(WorkerError, match=r"(?s)Traceback.*AttributeError"):
         VectorSimulation(broken, 2, 2)
     assert children() == before
@@ -152,7 +152,7 @@ from tactile_kit.simulation.banks import grasps_of
 from tactile_kit.simulation.vector import Blueprint, VectorSimulation
 thing = object_sets.load("all")["cube"]
 bank = grasps_of([thing], 2, SimulationConfig())
-blueprint = Blueprint(SimulationConfig(), [Body(thing)], bank, randomization.preset("none"), 4, False)
+blueprint = Blueprint(SimulationConfig(), [Body(thing)], bank, randomization.preset("none"), 4)
 simulation = VectorSimulation(blueprint, 1, 1)
 print(simulation._processes[0].pid, flush=True)
 os.kill(os.getpid(), signal.SIGKILL)

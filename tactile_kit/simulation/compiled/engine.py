@@ -23,7 +23,6 @@ from tactile_kit.simulation.simulator import (
     MAX_SPEED,
     MAX_SPIN,
     MIDDLE,
-    RELATIVE_STEP,
     Simulator,
     Status,
     dropped,
@@ -56,8 +55,6 @@ class CompiledSimulation:
         self._elapsed = np.zeros(environments, np.int64)
         self._draws = Draws(blueprint.preset, environments, blueprint.horizon)
         self._physics: list[dict[str, Any]] = [{}] * environments
-        lower, upper = kinematics.JOINT_LOWER, kinematics.JOINT_UPPER
-        self._lower, self._upper = lower.reshape(*JOINTS, 1), upper.reshape(*JOINTS, 1)
         self._middle, self._range = MIDDLE.reshape(*JOINTS, 1), FULL_RANGE.reshape(*JOINTS, 1)
 
     # -- episodes -----------------------------------------------------------------------------------------------------
@@ -108,8 +105,6 @@ class CompiledSimulation:
     def _aim(self, action: Array) -> Array:
         """Targets ``(4, 3, E)`` rad."""
         wanted = action.T.reshape(*JOINTS, -1)
-        if self.blueprint.relative:
-            return np.clip(self.batch.now.z[-1, 0] + RELATIVE_STEP * wanted, self._lower, self._upper)
         return self._middle + self._range * wanted
 
     def step_wait(self) -> dict[int, dict[str, Any]]:
