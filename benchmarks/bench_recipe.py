@@ -57,21 +57,14 @@ LAYOUTS = {
 class Training:
     """A training past its first update, of which roll-outs with their updates are timed."""
 
-    def __init__(self, layout: Layout, environments: int) -> None:
-        changes = {
-            "objects": "cube",
-            "scaling": "nominal",
-            "num_envs": environments,
-            "num_workers": layout.workers,
-        }
-        config = RunConfig.preset("ppo-compiled", {**changes, "threads": layout.threads})
+    def __init__(self, layout: Layout, config: RunConfig) -> None:
         self.layout, self.walls, self.cpus = layout, [], []
         torch.set_num_threads(layout.torch)
         torch.set_float32_matmul_precision(config.matmul_precision)
         self.env = env = default_env(config)
         env.set_gravity(config.gravity.at(0))
         self.learner = learner = make_learner(config, env)
-        self.tracker = Tracker(environments)
+        self.tracker = Tracker(env.num_envs)
         learner._setup_learn(10**9, self.tracker)
         learner.iterate(self.tracker)
         self.sections = Sections(time.process_time)
@@ -111,9 +104,20 @@ class Training:
         }
 
 
+def oracle(layout: Layout, environments: int) -> Training:
+    """The preset's training on the cube."""
+    changes = {
+        "objects": "cube",
+        "scaling": "nominal",
+        "num_envs": environments,
+        "num_workers": layout.workers,
+    }
+    return Training(layout, RunConfig.preset("ppo-compiled", {**changes, "threads": layout.threads}))
+
+
 def layouts(environments: int, turns: int) -> dict[str, Any]:
     """All layouts in turns."""
-    trainings = {name: Training(layout, environments) for name, layout in LAYOUTS.items()}
+    trainings = {name: oracle(layout, environments) for name, layout in LAYOUTS.items()}
     for _ in range(turns):
         for training in trainings.values():
             training.turn()
@@ -135,7 +139,7 @@ def other_work() -> Iterator[None]:
 
 def one_core(environments: int, turns: int) -> dict[str, Any]:
     """The training of whatever revision is imported, on one core."""
-    training = Training(LAYOUTS["one core"], environments)
+    training = oracle(LAYOUTS["one core"], environments)
     for _ in range(turns):
         training.turn()
     training.env.close()

@@ -33,6 +33,7 @@ BLOCKS: dict[str, tuple[str, Callable[[dict[str, Any]], list[str]]]] = {
     "bps_exactness": ("bps", tables_speed.bps_exactness),
     "grasps": ("grasps", tables_speed.grasps),
     "recipe": ("recipe", tables_speed.recipe),
+    "coupled": ("coupled", tables_speed.coupled),
     "steps": ("physics", tables_physics.steps),
     "iterations": ("physics", tables_physics.iterations),
     "lanes": ("lanes", tables_compiled.lanes),

@@ -241,6 +241,29 @@ def grasps(record: Record) -> list[str]:
     ]
 
 
+def coupled(record: Record) -> list[str]:
+    runs = record["layouts"]
+    names = list(next(iter(runs.values()))["parts"])
+    lines = [
+        f"{record['environments']} environments; parts in µs of CPU time.",
+        "",
+        "| | steps a second (best roll-out) | CPU µs a step | " + " | ".join(names) + " |",
+        "|---|---|---|" + "---|" * len(names),
+    ]
+    for name, run in runs.items():
+        parts = " | ".join(f"{run['parts'][part]:.1f}" for part in names)
+        lines.append(
+            f"| {name} | {run['steps_per_second']:,.0f} ({run['steps_per_second_best']:,.0f}) "
+            f"| {run['microseconds']:.1f} | {parts} |"
+        )
+    reached = runs["two cores"]["steps_per_second"]
+    return [
+        *lines,
+        "",
+        f"Wanted: 10,000 steps a second on two cores. Median {reached:,.0f}: {verdict(reached >= 10_000)}.",
+    ]
+
+
 def recipe(record: Record) -> list[str]:
     runs = record["layouts"]
     names = list(next(iter(next(iter(runs.values())).values()))["parts"])
