@@ -38,7 +38,7 @@ from tactile_kit.agents.state import (
     unpack_optimizer,
 )
 from tactile_kit.agents.teacher import MINIBATCH, Teacher, learning_rate, led
-from tactile_kit.shards import Shards
+from tactile_kit.agents.shards import Shards
 
 
 class Aims(NamedTuple):

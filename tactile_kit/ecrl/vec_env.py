@@ -40,7 +40,6 @@ class TactileVecEnv(ReorientVecEnv):
         estimator: a trained or fresh cell, a Kalman filter, or the settings of a new cell (weights from ``seed``).
         ecrl: the coupling's settings.
         training: whether the estimator learns and truth may stand in for it; by default where no episodes are given.
-        threads: in how many parts the estimator's minibatches are worked on at a time.
         others: as for :class:`ReorientVecEnv`.
 
     Attributes:
@@ -66,7 +65,6 @@ class TactileVecEnv(ReorientVecEnv):
         estimator: EstimatorCell | KalmanFilter | EstimatorConfig | None = None,
         ecrl: ECRLConfig | None = None,
         training: bool | None = None,
-        threads: int = 1,
     ) -> None:
         super().__init__(
             config,
@@ -77,7 +75,7 @@ class TactileVecEnv(ReorientVecEnv):
             variants=variants,
         )
         try:
-            self.coupling = self._couple(estimator or EstimatorConfig(), ecrl or ECRLConfig(), seed, threads)
+            self.coupling = self._couple(estimator or EstimatorConfig(), ecrl or ECRLConfig(), seed)
         except BaseException:
             self.close()  # the workers are running already
             raise
@@ -90,11 +88,7 @@ class TactileVecEnv(ReorientVecEnv):
             self.observation_space = spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32)
 
     def _couple(
-        self,
-        estimator: EstimatorCell | KalmanFilter | EstimatorConfig,
-        ecrl: ECRLConfig,
-        seed: int,
-        threads: int,
+        self, estimator: EstimatorCell | KalmanFilter | EstimatorConfig, ecrl: ECRLConfig, seed: int
     ) -> Coupling:
         if isinstance(estimator, KalmanFilter):
             return Coupling(estimator, self.encoding, None, ecrl, self.num_envs, seed)
@@ -106,7 +100,7 @@ class TactileVecEnv(ReorientVecEnv):
             raise EstimatorError(
                 f"the estimator reads encoding {cell.shape_name!r}, the task and settings say {name!r}"
             )
-        trainer = EstimatorTrainer(cell, shape, encoding("bps", self.meshes), seed, threads)
+        trainer = EstimatorTrainer(cell, shape, encoding("bps", self.meshes), seed)
         return Coupling(cell, shape, trainer, ecrl, self.num_envs, seed)
 
     @property

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import torch
@@ -19,9 +18,7 @@ from tactile_kit.estimator.losses import Encode, prepared, sequence_loss
 from tactile_kit.estimator.sequences import Sequences
 from tactile_kit.estimator.state import EstimatorState
 from tactile_kit.estimator.turn import turned
-from tactile_kit.shards import Shards
 
-Share = tuple[tuple[Tensor | None, ...], Tensor]  # gradients, and what is reported
 _MOMENTS = ("exp_avg", "exp_avg_sq", "step")
 #: How far from the truth, at most, a lost estimate is put back: standard deviations in m and rad.
 PUT_BACK = (0.012, 0.35)
@@ -36,18 +33,15 @@ class EstimatorTrainer:
         cell: overwritten in place; whatever weights it has at the first training are learned on from.
         encoding: the cell's shape encoding; bps: the distance encoding for the loss, over the same meshes.
         seed: of the shuffling; minibatches depend on it and on the iteration alone.
-        threads: in how many parts a minibatch is worked on at a time; rounding depends on it.
 
     Attributes:
         iteration: calls of :meth:`train` so far.
     """
 
-    def __init__(
-        self, cell: EstimatorCell, encoding: Any, bps: Encode, seed: int = 0, threads: int = 1
-    ) -> None:
+    def __init__(self, cell: EstimatorCell, encoding: Any, bps: Encode, seed: int = 0) -> None:
         config = cell.config
         self.cell, self.encoding, self.bps, self.seed, self.iteration = cell, encoding, bps, seed, 0
-        self.shards, self.learning = Shards(threads), copy.deepcopy(cell)
+        self.learning = copy.deepcopy(cell)
         self.average = Average(cell, self.learning, config.averaging)
         self.optimizer = torch.optim.Adam(
             self.learning.parameters(),
@@ -114,32 +108,21 @@ class EstimatorTrainer:
         return iter(order.tensor_split(-(-visits // size)))
 
     def _step(self, sequences: Sequences) -> Tensor:
-        """One gradient step; means of what :meth:`train` reports ``(7,)``."""
-        parameters = list(self.learning.parameters())
-        shares = self.shards.run(partial(self._share, sequences, parameters), len(sequences))
-        for parameter, *parts in zip(parameters, *(share[0] for share in shares), strict=True):
-            known = [part for part in parts if part is not None]
-            parameter.grad = sum(known[1:], known[0]) if known else None
-        means = torch.stack([share[1] for share in shares]).sum(0)
-        norm = torch.nn.utils.clip_grad_norm_(parameters, self.cell.config.max_gradient_norm)
-        if not torch.isfinite(means[0] + norm):
+        self.optimizer.zero_grad(set_to_none=True)
+        losses = sequence_loss(self.learning, sequences, self.encoding, self.bps)
+        losses.loss.backward()
+        limit = self.cell.config.max_gradient_norm
+        norm = torch.nn.utils.clip_grad_norm_(self.learning.parameters(), limit)
+        if not torch.isfinite(losses.loss + norm):
             raise EstimatorError(
-                f"estimator training, iteration {self.iteration}: loss {means[0].item()}, gradient norm "
+                f"estimator training, iteration {self.iteration}: loss {losses.loss.item()}, gradient norm "
                 f"{norm.item()}, allowed: finite numbers"
             )
         self.optimizer.step()
         self.average.update()
-        return torch.cat([means, norm[None]])
-
-    def _share(self, sequences: Sequences, parameters: list[Tensor], part: slice) -> Share:
-        """Gradients and means of one part of a minibatch, in proportion to its size: all parts' sum is the whole's."""
-        own = sequences.columns(part)
-        weight = len(own) / len(sequences)
-        losses = sequence_loss(self.learning, own, self.encoding, self.bps)
-        gradients = torch.autograd.grad(weight * losses.loss, parameters, allow_unused=True)
         unit = self.cell.config.distance_unit
-        means = [losses.loss, unit * losses.shape, losses.angle, losses.position, unit * losses.sigma[0]]
-        return gradients, weight * torch.stack([*means, losses.sigma[1]]).detach().float()
+        parts = [losses.loss, unit * losses.shape, losses.angle, losses.position, unit * losses.sigma[0]]
+        return torch.stack([*parts, losses.sigma[1], norm]).detach().float()
 
     def state_tensors(self) -> dict[str, Tensor]:
         """Weights (average and raw), Adam's moments and counters as flat named tensors.

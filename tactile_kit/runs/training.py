@@ -146,7 +146,6 @@ def default_env(config: RunConfig, quiet: bool = False) -> Any:
         variants=variants,
         estimator=config.estimator,
         ecrl=config.ecrl,
-        threads=config.threads,
     )
 
 

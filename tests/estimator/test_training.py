@@ -92,22 +92,6 @@ def test_learning_beats_the_start_pose_and_knows_its_uncertainty() -> None:
     assert 0.3 < sigma[-1] / geodesic(run.after.R[-1], test.R[-1]).square().mean().sqrt() < 3
 
 
-@pytest.mark.parametrize("loss", ["likelihood", "pose"])
-def test_threads_share_a_minibatch_and_change_nothing_but_rounding(loss: str) -> None:
-    found = []
-    for threads in (1, 2, 2):
-        cell, shape, bps = make(TINY.model_copy(update={"loss": loss}))
-        trainer = EstimatorTrainer(cell, shape, bps, seed=3, threads=threads)
-        data = motion(np.random.default_rng(0), 6, 21, TINY.latent)
-        told = [trainer.train([data], visits=42) for _ in range(3)]
-        found.append((told[-1], {name: value.clone() for name, value in trainer.learning.state_dict().items()}))
-    one, two, again = found
-    assert two[0] == again[0] and all(torch.equal(value, again[1][name]) for name, value in two[1].items())
-    assert two[0] == pytest.approx(one[0], rel=2e-3)
-    for name, value in one[1].items():
-        torch.testing.assert_close(two[1][name], value, atol=2e-4, rtol=2e-3)
-
-
 def evaluate(trainer: EstimatorTrainer, data: Sequences) -> dict[str, float]:
     with torch.no_grad():
         losses = sequence_loss(trainer.cell, data, trainer.encoding, trainer.bps)

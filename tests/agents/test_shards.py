@@ -7,7 +7,7 @@ import threading
 import pytest
 import torch
 
-from tactile_kit.shards import Shards
+from tactile_kit.agents.shards import Shards
 
 
 @pytest.mark.parametrize(("count", "size"), [(1, 5), (2, 5), (3, 2), (4, 64)])
