@@ -10,6 +10,15 @@ from reproduce.errors import ReproduceError
 from tactile_kit.runs.config import RunConfig
 
 SECONDS = (1, 2, 5, 10)
+HEADS = {  # what a column is called, and the figure it shows
+    "< 0.4": "within_10s",
+    "> 1": "lost_10s",
+    "error/sigma": "calibration",
+    "success": "success",
+    "drops": "drops",
+    "believed": "believed",
+    "reached": "reached",
+}
 
 
 def settings_of(agent: Path, steps: int, cell: str, loss: str, closed_loop: bool, seed: int) -> RunConfig:
@@ -36,9 +45,18 @@ def settings_of(agent: Path, steps: int, cell: str, loss: str, closed_loop: bool
 
 
 def measure(
-    agent: Path, objects: str, truth: bool, episodes: int, seed: int, estimator: str = "own"
+    agent: Path,
+    objects: str,
+    truth: bool,
+    episodes: int,
+    seed: int,
+    estimator: str = "own",
+    each: bool = False,
 ) -> list[dict[str, Any]]:
-    """One row a class of Table I, and one over all: ``class`` and the figures of ``evaluation.estimates.Followed``."""
+    """One row a class of Table I (``each``: an object), and one over all.
+
+    ``class``, its or the object's name, and the figures of ``evaluation.estimates.Followed``.
+    """
     from tactile_kit.agents.agent import load_agent
     from tactile_kit.evaluation.estimates import follow
     from tactile_kit.evaluation.estimators import ESTIMATORS
@@ -46,20 +64,27 @@ def measure(
     followed = follow(
         ESTIMATORS[estimator](load_agent(agent)), objects, truth=truth, episodes=episodes, seed=seed
     )
-    classes = [(row["name"], row["ids"]) for row in paper_values("table1")["rows"]]
     everything = sorted(set(followed.object_id.tolist()))
+    if each:
+        import object_sets
+
+        classes = [(thing.name, [thing.id]) for thing in object_sets.select(objects)]
+    else:
+        classes = [(row["name"], row["ids"]) for row in paper_values("table1")["rows"]]
     rows = [("All", everything), *((name, [i for i in ids if i in everything]) for name, ids in classes)]
     return [{"class": name, **followed.of(ids).figures()} for name, ids in rows if ids]
 
 
 def table(rows: list[dict[str, Any]]) -> str:
     """The rows as people read them: mean and median error in rad."""
-    columns = (*(f"{s} s" for s in SECONDS), "< 0.4", "error/sigma", "success", "drops", "believed")
-    lines = [f"{'':<12}{'n':>6}" + "".join(f"{name:>13}" for name in columns)]
+    columns = (*(f"{s} s" for s in SECONDS), *HEADS)
+    width = max(len(row["class"]) for row in rows) + 2
+    lines = [f"{'':<{width}}{'n':>6}" + "".join(f"{name:>12}" for name in columns)]
     for row in rows:
         pairs = [(f"mean_{s}s", f"median_{s}s") for s in SECONDS]
         cells = [f"{row[a]:.2f}/{row[b]:.2f}" if a in row else "-" for a, b in pairs]
-        rest = ("within_10s", "calibration", "success", "drops", "believed")
-        cells += [f"{row[name]:.3f}" if name in row else "-" for name in rest]
-        lines.append(f"{row['class']:<12}{row['episodes']:>6.0f}" + "".join(f"{cell:>13}" for cell in cells))
+        cells += [f"{row[name]:.3f}" if name in row else "-" for name in HEADS.values()]
+        lines.append(
+            f"{row['class']:<{width}}{row['episodes']:>6.0f}" + "".join(f"{cell:>12}" for cell in cells)
+        )
     return "\n".join(lines)

@@ -26,6 +26,7 @@ from tactile_kit.agents.gaussian import adapted_rate, divergence_of, entropy_of,
 from tactile_kit.agents.networks import InputLayout
 from tactile_kit.agents.policies import HandActorCriticPolicy
 from tactile_kit.agents.rollout import Experience, Rollout
+from tactile_kit.agents.shards import Shards
 from tactile_kit.agents.state import (
     Means,
     Tensors,
@@ -38,7 +39,6 @@ from tactile_kit.agents.state import (
     unpack_optimizer,
 )
 from tactile_kit.agents.teacher import MINIBATCH, Teacher, learning_rate, led
-from tactile_kit.agents.shards import Shards
 
 
 class Aims(NamedTuple):

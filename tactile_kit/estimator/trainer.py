@@ -55,8 +55,8 @@ class EstimatorTrainer:
         """Gradient steps on ``visits`` sequences, shuffled through all of ``recent`` before any comes twice.
 
         Returns means over the minibatches: ``loss``, ``shape_error`` (m), ``angle_error`` (rad),
-        ``position_error`` (m), ``sigma_v`` (m), ``sigma_R`` (rad), ``gradient_norm`` (before clipping), and ``lost``:
-        the share of sequences whose estimate was put back near the truth.
+        ``position_error`` (m), ``sigma_v`` (m), ``sigma_R`` (rad), ``gradient_norm`` (before clipping), ``lost``:
+        the share of sequences whose estimate was put back near the truth, and ``rate``, Adam's step size by now.
         Raises EstimatorError if a loss or gradient is not finite; the weights are then as before that
         minibatch.
         """
@@ -81,7 +81,14 @@ class EstimatorTrainer:
             "sigma_R",
             "gradient_norm",
         )
-        return dict(zip(names, (totals / minibatches).tolist(), strict=True)) | {"lost": lost}
+        return dict(zip(names, (totals / minibatches).tolist(), strict=True)) | {"lost": lost, "rate": self.rate}
+
+    @property
+    def rate(self) -> float:
+        """Adam's step size in the next gradient step."""
+        config, done = self.cell.config, self.average.steps
+        slows = config.slows_after
+        return config.learning_rate * (1.0 if slows is None else min(1.0, slows / max(done, 1)))
 
     def _put_back(self, pool: Sequences) -> tuple[Sequences, float]:
         """Sequences that begin with a lost estimate begin near the truth instead; and their share.
@@ -118,6 +125,7 @@ class EstimatorTrainer:
                 f"estimator training, iteration {self.iteration}: loss {losses.loss.item()}, gradient norm "
                 f"{norm.item()}, allowed: finite numbers"
             )
+        self.optimizer.param_groups[0]["lr"] = self.rate
         self.optimizer.step()
         self.average.update()
         unit = self.cell.config.distance_unit

@@ -20,6 +20,7 @@ from tactile_kit.task.rotations import geodesic
 Array = NDArray[np.float64]
 SECONDS = (1, 2, 5, 10)  # at which errors are told
 CLOSE = 0.4  # rad, the task's own measure of success
+LOST = 1.0  # rad, beyond which a face may well be taken for another
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,10 @@ class Followed:
         """Errors of the angle (rad), how the episodes ended, and calibration, by name.
 
         ``mean`` over all steps; ``mean_1s``, ``median_1s`` and so on at 1, 2, 5 and 10 s; ``within_10s``, the share
-        within 0.4 rad then. ``success`` and ``drops`` are shares of all episodes; ``theta`` and ``believed`` the mean
-        true and believed angle to the goal at 10 s of those held. ``calibration``: root mean square of error over
-        sigma, 1 where sigma says what the error is. ``position``: mean error in m.
+        within 0.4 rad then, and ``lost_10s``, beyond 1 rad. ``success`` and ``drops`` are shares of all episodes;
+        ``theta`` and ``believed`` the mean true and believed angle to the goal at 10 s of those held, ``reached`` the
+        share that believes itself within 0.4 rad of it. ``calibration``: root mean square of error over sigma, 1 where
+        sigma says what the error is. ``position``: mean error in m.
 
         Raises:
             EvaluationError: no step was played.
@@ -70,8 +72,10 @@ class Followed:
                 }
         last = self.held[-1]
         if last.any():
-            found["within_10s"] = float((self.angle[-1, last] < CLOSE).mean())
             found |= {
+                "within_10s": float((self.angle[-1, last] < CLOSE).mean()),
+                "lost_10s": float((self.angle[-1, last] > LOST).mean()),
+                "reached": float((self.believed[-1, last] < CLOSE).mean()),
                 "theta": float(self.goal[-1, last].mean()),
                 "believed": float(self.believed[-1, last].mean()),
             }

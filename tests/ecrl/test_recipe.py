@@ -123,7 +123,8 @@ def test_figures_of_followed_episodes() -> None:
     followed = Followed(angle, angle, 0.5 * angle, angle, angle, held, np.array([3, 5]))
     figures = followed.figures()
     assert figures["mean"] == pytest.approx(0.2) and figures["calibration"] == pytest.approx(2.0)
-    assert figures["within_10s"] == 1.0 and figures["success"] == figures["drops"] == 0.5
+    assert figures["within_10s"] == figures["reached"] == 1.0 and figures["lost_10s"] == 0.0
+    assert figures["success"] == figures["drops"] == 0.5
     assert "within_10s" not in followed.of([5]).figures()
     with pytest.raises(EvaluationError, match="no step was played"):
         followed.of([7]).figures()
@@ -143,3 +144,7 @@ def test_the_command_trains_an_estimator_alone(oracle: Path, tmp_path: Path, cap
     assert main(["train-estimator", *steps]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.startswith("All") and "512" in line for line in lines)
+    measured = ["measure-estimator", "--agent", str(tmp_path / "e"), "--objects", "cube,gear", "--episodes", "4"]
+    assert main([*measured, "--each"]) == 0
+    names = [line.split()[0] for line in capsys.readouterr().out.splitlines()[1:]]
+    assert names == ["All", "cube", "gear"]
