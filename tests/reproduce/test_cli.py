@@ -74,7 +74,7 @@ def test_a_stage_runs_by_hand(tmp_path):
         )
         == 0
     )
-    assert (tmp_path / "tables" / "table1.tex").read_text().count("missing") == 18
+    assert (tmp_path / "tables" / "table1.tex").read_text().count("missing") == 21
     assert (
         main(
             [
