@@ -81,7 +81,10 @@ class EstimatorTrainer:
             "sigma_R",
             "gradient_norm",
         )
-        return dict(zip(names, (totals / minibatches).tolist(), strict=True)) | {"lost": lost, "rate": self.rate}
+        return dict(zip(names, (totals / minibatches).tolist(), strict=True)) | {
+            "lost": lost,
+            "rate": self.rate,
+        }
 
     @property
     def rate(self) -> float:
