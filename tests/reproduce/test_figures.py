@@ -89,7 +89,7 @@ def test_complex_compares_the_agents(world, tmp_path):
         )
     files = outputs("complex", tmp_path)
     make("complex", world.results, files)
-    assert [cell.ours for cell in read_cells(files[2])] == [0.375] * 3 + [0.75] * 3
+    assert [cell.ours for cell in read_cells(files[2])] == [0.75] * 3 + [0.375] * 3
 
 
 def test_confusion_has_mesh_given_in_rows(world, tmp_path):
