@@ -144,15 +144,7 @@ def test_the_command_trains_an_estimator_alone(oracle: Path, tmp_path: Path, cap
     assert main(["train-estimator", *steps]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert any(line.startswith("All") and "512" in line for line in lines)
-    measured = [
-        "measure-estimator",
-        "--agent",
-        str(tmp_path / "e"),
-        "--objects",
-        "cube,gear",
-        "--episodes",
-        "4",
-    ]
+    measured = ["measure-estimator", "--agent", str(tmp_path / "e"), "--objects", "cube,gear", "--episodes", "4"]
     assert main([*measured, "--each"]) == 0
     names = [line.split()[0] for line in capsys.readouterr().out.splitlines()[1:]]
     assert names == ["All", "cube", "gear"]
