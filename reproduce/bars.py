@@ -1,4 +1,4 @@
-"""Bars with intervals, and empty slots where a run is missing."""
+"""Bars with intervals, and the word where a run is missing."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ if TYPE_CHECKING:
 
 
 def bar(axes: Axes, x: float, width: float, cell: Cell, colour: str) -> None:
-    """The cell's success rate as a bar with its 95 % interval; a hatched slot where it is missing."""
+    """The cell's success rate as a bar with its 95 % interval; the word where it is missing."""
     if cell.status != MEASURED or cell.ours is None or cell.low is None or cell.high is None:
-        missing_bar(axes, x, width)
+        missing_bar(axes, x)
         return
     axes.bar(x, cell.ours, width, color=colour, zorder=2)
     errors = [[max(0.0, cell.ours - cell.low)], [max(0.0, cell.high - cell.ours)]]

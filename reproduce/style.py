@@ -81,16 +81,14 @@ def footnote(made: Figure, text: str) -> None:
 
 
 def say_missing(axes: Axes, text: str) -> None:
-    """Marks empty axes as missing, in words."""
-    axes.text(
-        0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY, fontsize=10, wrap=True
-    )
+    """Empty axes say in words what is missing, and draw no frame, scale or grid that would look like a result."""
+    axes.set_axis_off()
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY, fontsize=9)
 
 
-def missing_bar(axes: Axes, x: float, width: float, text: str = "missing") -> None:
-    """An empty, hatched slot in a bar chart: where a bar would stand had the run been made."""
-    axes.bar(x, 1.0, width, color="none", edgecolor="#d3d6db", hatch="////", linewidth=0.6, zorder=0.5)
-    axes.text(x, 0.5, text, rotation=90, ha="center", va="center", fontsize=7, color=GREY)
+def missing_bar(axes: Axes, x: float, text: str = "missing") -> None:
+    """The word where a bar would stand had the run been made; nothing that has a height."""
+    axes.text(x, 0.02, text, rotation=90, ha="center", va="bottom", fontsize=6.5, color=GREY)
 
 
 def steps_text(steps: Sequence[int]) -> str:

@@ -20,8 +20,8 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     cells: list[Cell] = []
     made, (axes,) = figure(5.6, 3.9)
     for role, label, colour, shift in (
-        (TACTILE, "Tactile VecBPS", ORANGE, -0.2),
-        (ORACLE, "Oracle VecBPS", BLUE, 0.2),
+        (ORACLE, "Oracle VecBPS", BLUE, -0.2),
+        (TACTILE, "Tactile VecBPS", ORANGE, 0.2),
     ):
         rows, runs = results.rows(role, "complex"), results.evaluated(role, "complex")
         steps = results.steps_trained(runs)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from reproduce.cells import Cell, paper_values, rate_cell, write_cells
+from reproduce.cells import MEASURED, Cell, paper_values, rate_cell, write_cells
 from reproduce.inventory import TACTILE, Results
 from reproduce.style import GREY, figure, footnote, save, say_missing, steps_text
 from tactile_kit.evaluation.rows import EpisodeRow
@@ -18,6 +19,7 @@ LINES = (
     ("extent-true", "correct mesh", "#2c7fb8", "o"),
     ("extent-fixed", "fixed median mesh", "#d95f0e", "^"),
 )
+FIT = 256  # samples a line must have, over the whole range, before a polynomial of degree 4 says anything
 BINS = 6  # of the furthest extent, for the table beside the figure
 
 
@@ -27,6 +29,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     cells: list[Cell] = []
     made, (axes,) = figure(6.0, 4.1)
     episodes = []
+    fitted = False
     for evaluation, label, colour, marker in LINES:
         rows, runs = results.rows(TACTILE, evaluation), results.evaluated(TACTILE, evaluation)
         steps = results.steps_trained(runs)
@@ -37,21 +40,38 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
         extents, rates, counts = samples(rows)
         episodes += list(counts)
         axes.scatter(100 * extents, rates, s=14, color=colour, marker=marker, alpha=0.55, linewidths=0)
-        fit = polynomial(extents, rates, values["degree"])
         name = f"{label}, {len(rates)} samples"
-        if fit is None:
-            axes.plot(
-                [],
-                [],
-                color=colour,
-                marker=marker,
-                label=f"{name} (too few for a fit of degree {values['degree']})",
-            )
+        mine = [cell for cell in cells if cell.column == label]
+        measured = [cell for cell in mine if cell.status == MEASURED]
+        enough = len(rates) >= FIT and len(measured) == len(mine)
+        fit = polynomial(extents, rates, values["degree"]) if enough else None
+        if fit is not None:
+            fitted = True
+            x = np.linspace(extents.min(), extents.max(), 200)
+            axes.plot(100 * x, np.clip(fit(x), 0, 1), color=colour, linewidth=1.8, label=name)
             continue
-        x = np.linspace(extents.min(), extents.max(), 200)
-        axes.plot(100 * x, np.clip(fit(x), 0, 1), color=colour, linewidth=1.8, label=name)
+        # Points only would leave the eye to guess: means of the bins that hold samples, with their intervals.
+        places = [
+            np.mean([float(edge) for edge in cell.row.removesuffix(" cm").split(" to ")]) for cell in measured
+        ]
+        means = np.array([cell.ours for cell in measured])
+        reach = np.abs(np.array([[cell.low, cell.high] for cell in measured]).T - means)
+        shift = 0.04 if marker == "o" else -0.04
+        style: dict[str, Any] = {
+            "color": colour,
+            "marker": marker,
+            "markersize": 7,
+            "linestyle": "none",
+            "capsize": 3,
+        }
+        axes.errorbar(np.array(places) + shift, means, yerr=reach, label=name, **style)
     if not episodes:
         say_missing(axes, "missing: the tactile agent was not evaluated")
+    lines = (
+        "Lines: polynomials of degree 4."
+        if fitted
+        else f"Large marks: bins with their 95 % intervals; no fit below {FIT} samples in all bins."
+    )
     axes.axvline(100 * values["median"], color=GREY, linewidth=0.8, linestyle=":")
     axes.set_xlabel("extent furthest from the median (cm)")
     axes.set_ylabel("success rate")
@@ -64,7 +84,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     footnote(
         made,
         f"Scale {results.scale}; tactile VecBPS, {trained}. A sample: one object size, {span} episodes\n"
-        "(the paper: 120; 512 samples a line). Lines: polynomials of degree 4.",
+        f"(the paper: 120; 512 samples a line).\n{lines}",
     )
     save(made, outputs)
     write_cells(outputs[2], cells)

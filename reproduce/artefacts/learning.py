@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -46,8 +47,8 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
         axes.locator_params(axis="x", nbins=5)
         axes.xaxis.set_major_formatter(lambda value, _: short(int(value)))
         if missing and len(missing) == len(CURVES[objects]):
-            say_missing(axes, "missing: no run of this object set\n(" + ", ".join(missing) + ")")
-            axes.set_xticks([])
+            said = "\n".join(textwrap.wrap(", ".join(missing), 28))
+            say_missing(axes, f"no run of this object set;\nmissing:\n{said}")
         else:
             title = "missing: " + ", ".join(missing) if missing else None
             place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.17), "ncols": 4}

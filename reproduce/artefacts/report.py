@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from reproduce import provenance
 from reproduce.cells import Cell, percent, read_cells
 from reproduce.files import read_yaml
-from reproduce.inventory import Results, steps_of
+from reproduce.inventory import Results
 from reproduce.style import short
 from tactile_kit.evaluation.rows import read_rows
 
@@ -40,7 +41,8 @@ def content(results: Results, out: Path) -> dict[str, Any]:
     texts = read_yaml(Path(__file__).parents[1] / "paper_values" / "report.yaml")
     with (out / "claims.csv").open(newline="", encoding="utf-8") as file:
         claims = list(csv.DictReader(file))
-    agents = [_agent(results, name) for name in results.content["runs"]]
+    agents = [provenance.agent(results, name, out) for name in results.content["runs"]]
+    missing = [agent["name"] for agent in agents if not agent["there"]]
     there = [agent for agent in agents if agent["there"]]
     benchmark = [agent for agent in there if agent["evaluated"]]
     tables = [
@@ -48,6 +50,7 @@ def content(results: Results, out: Path) -> dict[str, Any]:
     ]
     for table in tables:
         table["rows"] = _by_row(table["cells"])
+    there_below = provenance.reached(tables[0]["cells"])
     figures = []
     for text in texts["figures"]:
         cells = read_cells(out / "figures" / f"{text['name']}.csv")
@@ -57,7 +60,14 @@ def content(results: Results, out: Path) -> dict[str, Any]:
         "description": results.content["description"],
         "source": results.content["source"],
         "agents": agents,
-        "missing": [agent["name"] for agent in agents if not agent["there"]],
+        "missing": provenance.missing_by_role(results, missing),
+        "reached": there_below[0],
+        "below": there_below[1],
+        "classes": [row.lower() for row in tables[0]["rows"]],
+        "numbers": {
+            v: [c["number"] for c in claims if c["verdict"] == v] for v in ("reproduced", "not reproduced")
+        },
+        "differences": provenance.differences(),
         "most_steps": max((agent["steps"] for agent in benchmark), default=0),
         "barely": [agent["name"] for agent in benchmark if agent["steps"] < BARELY],
         "barely_steps": BARELY,
@@ -71,23 +81,6 @@ def content(results: Results, out: Path) -> dict[str, Any]:
         "figures": figures,
         "paper_agents": PAPER_AGENTS,
         "episodes": _episodes(results),
-    }
-
-
-def _agent(results: Results, name: str) -> dict[str, Any]:
-    manifest = results.manifest(name)
-    evaluated = any(file and key.startswith(f"{name}/") for key, file in results.content["episodes"].items())
-    agent = {"name": name, "there": manifest is not None, "evaluated": evaluated}
-    if manifest is None:
-        return agent
-    return agent | {
-        "kind": manifest["kind"],
-        "encoding": manifest["encoding"],
-        "algorithm": str(manifest.get("algorithm", "")).upper(),
-        "steps": steps_of(manifest),
-        "own_steps": int(manifest["steps"]),
-        "hours": float(manifest.get("hours", 0.0)),
-        "warm_start": (manifest.get("warm_start") or {}).get("from"),
     }
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from reproduce.cells import MEASURED, UNDEFINED, Cell, empty_cell, estimate_cell, paper_values, write_cells
 from reproduce.files import write_atomic
 from reproduce.inventory import ABLATED, Results
+from reproduce.latex import escape, row, table
 from reproduce.style import steps_text
 from tactile_kit.evaluation.summary import mean_final_angle, relative_change, success_rate
 
@@ -28,15 +29,15 @@ def table_cells(results: Results, values: dict) -> list[Cell]:
     base = results.rows(values["base"], "nominal")
     base_runs = results.evaluated(values["base"], "nominal")
     cells = _base_cells(base, base_runs, results)
-    for row in values["rows"]:
-        role = ABLATED[row["key"]]
+    for line in values["rows"]:
+        role = ABLATED[line["key"]]
         rows, runs = results.rows(role, "nominal"), results.evaluated(role, "nominal")
         steps = results.steps_trained([*runs, *base_runs])
         for quantity, column in QUANTITIES:
-            paper = row[quantity]
+            paper = line[quantity]
             if rows is None or base is None:
                 why = "run not there" if rows is None else "base run not there"
-                cells.append(empty_cell(row["name"], column, column, paper, why))
+                cells.append(empty_cell(line["name"], column, column, paper, why))
                 continue
             # Objects both were evaluated on: a change must compare like with like.
             shared = {r.object_id for r in rows} & {r.object_id for r in base}
@@ -58,7 +59,7 @@ def table_cells(results: Results, values: dict) -> list[Cell]:
                 why = unlike or why
                 cells.append(
                     empty_cell(
-                        row["name"],
+                        line["name"],
                         column,
                         column,
                         paper,
@@ -71,7 +72,7 @@ def table_cells(results: Results, values: dict) -> list[Cell]:
                 )
             else:
                 cells.append(
-                    estimate_cell(row["name"], column, column, paper, change, runs=runs, steps=steps)
+                    estimate_cell(line["name"], column, column, paper, change, runs=runs, steps=steps)
                 )
     return cells
 
@@ -95,51 +96,64 @@ def _base_cells(base: list | None, runs: list[str], results: Results) -> list[Ce
 
 
 def latex(values: dict, cells: list[Cell], results: Results) -> str:
-    """The paper's layout; a cell reads: ours [95 % interval], then the paper's value and n."""
+    """The paper's layout; below our values their intervals, the paper's values, our n; reasons below the table."""
     by_place = {(cell.row, cell.column): cell for cell in cells}
-    base = [cell for cell in cells if cell.row == BASE_ROW]
+    rate, angle = (cell for cell in cells if cell.row == BASE_ROW)
+    marks = _marks(cells)
     lines = [
-        "% Needs the packages booktabs and makecell.",
-        r"\begin{table}",
-        r"  \centering",
-        rf"  \caption{{Training with estimator: ablations, relative to the VecBPS agent. Scale: {results.scale}."
-        r" Each cell: ours [95\,\% bootstrap interval], then the paper's value and our number of episodes.}",
-        r"  \begin{tabular}{l c c c}",
-        r"    \toprule",
-        r"     & \makecell{relative\\success rate} & \makecell{relative\\final angle to goal} & trained for \\",
+        row("", "", "relative", "relative final", "trained"),
+        row("", "", "success rate", "angle to goal", "for"),
         r"    \midrule",
-        rf"    {BASE_ROW} & {_base(base[0], '')} & {_base(base[1], ' rad')} & {_trained(base[0])} \\",
-        r"    \midrule",
+        row(escape(BASE_ROW), "ours", _absolute(rate, ""), _absolute(angle, r"\,rad"), _trained(rate)),
+        row("", r"95\,\% interval", *map(_absolute_interval, (rate, angle)), ""),
+        row("", "our episodes", str(rate.n), str(angle.n), ""),
     ]
-    for row in values["rows"]:
-        mine = [by_place[row["name"], column] for _, column in QUANTITIES]
-        name = row["name"].replace("sigma", r"$\sigma$").replace("through B", r"through $\mathcal{B}$")
-        lines.append(f"    {name} & " + " & ".join(map(_ours, mine)) + rf" & {_trained(mine[0])} \\")
-        lines.append(
-            "     & " + " & ".join(f"(paper {_signed(c.paper)}; n = {c.n})" for c in mine) + r" & \\"
+    for line in values["rows"]:
+        mine = [by_place[line["name"], column] for _, column in QUANTITIES]
+        name = (
+            escape(line["name"]).replace("sigma", r"$\sigma$").replace("through B", r"through $\mathcal{B}$")
         )
-    lines += [r"    \bottomrule", r"  \end{tabular}", r"\end{table}"]
-    return "\n".join(lines) + "\n"
+        lines += [
+            r"    \midrule",
+            row(name, "ours", *(_ours(cell, marks) for cell in mine), _trained(mine[0])),
+            row("", r"95\,\% interval", *map(_interval, mine), ""),
+            row("", "paper", *(_signed(cell.paper) for cell in mine), ""),
+            row("", "our episodes", *(str(cell.n) for cell in mine), ""),
+        ]
+    caption = (
+        "Training with estimator: ablations, relative to the VecBPS agent (first row: its own values)."
+        f" Scale: {escape(results.scale)}. Bootstrap intervals, Wilson's for the first rate."
+    )
+    notes = [rf"$^{{{mark}}}$\,{escape(note)}" for note, mark in marks.items()]
+    return table("l l c c c", lines, caption, wide=True, notes=notes)
+
+
+def _marks(cells: list[Cell]) -> dict[str, str]:
+    """Why values are undefined, each reason with a letter."""
+    reasons = dict.fromkeys(cell.note for cell in cells if cell.status == UNDEFINED)
+    return dict(zip(reasons, "abcdefghijklmnopqrstuvwxyz", strict=False))
 
 
 def _signed(value: float | None) -> str:
-    if value is None:
-        return "--"
-    return rf"${100 * value:+.1f}\,\%$"
+    return "--" if value is None else rf"${100 * value:+.1f}\,\%$"
 
 
-def _ours(cell: Cell) -> str:
-    if cell.status != MEASURED:
-        return "missing" if cell.status != UNDEFINED else f"undefined ({cell.note})"
-    interval = "no interval" if cell.low is None else f"{_signed(cell.low)}, {_signed(cell.high)}"
-    return f"{_signed(cell.ours)} [{interval}]"
+def _ours(cell: Cell, marks: dict[str, str]) -> str:
+    if cell.status == UNDEFINED:
+        return f"undefined$^{{{marks[cell.note]}}}$"
+    return _signed(cell.ours) if cell.status == MEASURED else "missing"
 
 
-def _base(cell: Cell, unit: str) -> str:
-    if cell.status != MEASURED:
-        return "missing"
-    interval = "no interval" if cell.low is None else f"{cell.low:.2f}, {cell.high:.2f}"
-    return f"{cell.ours:.2f}{unit} [{interval}], n = {cell.n}"
+def _interval(cell: Cell) -> str:
+    return "--" if cell.low is None else f"[{_signed(cell.low)}, {_signed(cell.high)}]"
+
+
+def _absolute(cell: Cell, unit: str) -> str:
+    return f"{cell.ours:.2f}{unit}" if cell.status == MEASURED else "missing"
+
+
+def _absolute_interval(cell: Cell) -> str:
+    return "--" if cell.low is None else f"[{cell.low:.2f}, {cell.high:.2f}]"
 
 
 def _trained(cell: Cell) -> str:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 BANDWIDTH = 0.06  # rad, of the Gaussian kernel
 HALF = 0.42  # width of half a violin at its widest
 WIDEST = 2.5  # 1/rad: the density that fills a half, at least; 95 % within 0.4 rad. Weak agents look thin.
+THIN = 0.02  # 1/rad: less is no episode, only a tail of the kernel
+GAP = 0.012  # between the halves and the middle
 TOP = 1.62  # where what lies beyond the cut-off is drawn
 
 
@@ -106,7 +108,10 @@ def half_violin(
 ) -> None:
     """One half. All halves share one scale, so that bulges can be compared; the lump's width is its share."""
     grid, density, kept = shape(rows, cutoff)
-    axes.fill_betweenx(grid, x, x + side * density / widest * HALF, color=colour, alpha=0.75, linewidth=0)
+    # An outline keeps the thin half of a weak agent visible; where no episode ends nothing is drawn.
+    drawn = density > THIN
+    edge = x + side * (GAP + density / widest * HALF)
+    axes.fill_betweenx(grid, x + side * GAP, edge, where=drawn, color=colour, alpha=0.85, linewidth=0.5)
     share = 1.0 - kept / len(rows)
     lump = np.linspace(TOP - 0.06, TOP + 0.06, 25)
     round_off = np.sqrt(np.maximum(0.0, 1 - ((lump - TOP) / 0.06) ** 2))
@@ -114,7 +119,6 @@ def half_violin(
     axes.text(
         x + side * 0.22, TOP + 0.065, f"{100 * share:.0f}", ha="center", va="bottom", fontsize=6, color=colour
     )
-    axes.plot([x, x], [0, cutoff], color="white", linewidth=0.5)
 
 
 def density_of(angles: np.ndarray, grid: np.ndarray) -> np.ndarray:

@@ -29,7 +29,7 @@ from tactile_kit.evaluation.rows import EpisodeRow
 from tactile_kit.evaluation.summary import group, relative_change
 
 EXCELLENT = 0.95  # the paper's oracles: 0.99 on round objects
-MANY = 0.10  # "over 10 % better"
+MANY = 0.10  # "over 10 % better"; who loses more than this does not hold up
 WIDE = 0.15  # an interval whose half is wider than this can't tell effects of a few per cent
 
 
@@ -121,7 +121,7 @@ def generalises(results: Results) -> Verdict:
 
 
 def complex_objects_split_agents(results: Results) -> Verdict:
-    """12: on objects 13-15 the tactile agent loses clearly against objects 0-12, and more than the oracle does."""
+    """12: on objects 13-15 the oracle loses 10 points at most against objects 0-12, the tactile agent clearly more."""
     counts = {
         (name, place): count(needed(results, role, place), f"{name}, {place}")
         for name, role in (("oracle", ORACLE), ("tactile", TACTILE))
@@ -131,7 +131,8 @@ def complex_objects_split_agents(results: Results) -> Verdict:
     must_have_learned({"tactile": counts["tactile", "nominal"]})
     loss = {name: minus(counts[name, "complex"], counts[name, "nominal"]) for name in ("oracle", "tactile")}
     behind = minus(counts["tactile", "complex"], counts["oracle", "complex"])
-    holds = loss["tactile"][2] < 0 and loss["tactile"][0] < loss["oracle"][0] and behind[2] < 0
+    keeps = loss["oracle"][0] >= -MANY
+    holds = keeps and loss["tactile"][2] < 0 and loss["tactile"][0] < loss["oracle"][0] and behind[2] < 0
     figures = (
         f"objects 13-15 less objects 0-12: oracle {signed(*loss['oracle'])}, tactile {signed(*loss['tactile'])};"
         f" tactile less oracle on 13-15 {signed(*behind)}"

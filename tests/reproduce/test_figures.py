@@ -16,6 +16,7 @@ from reproduce.cells import read_cells
 from reproduce.errors import ReproduceError
 from reproduce.inventory import ORACLE, TACTILE, Curve, read_curve
 from reproduce.plan import FIGURES
+from reproduce.style import figure, missing_bar, say_missing
 from tactile_kit.evaluation import wilson
 
 THINGS = {thing.id: thing for thing in object_sets.load("all")}
@@ -88,7 +89,7 @@ def test_complex_compares_the_agents(world, tmp_path):
         )
     files = outputs("complex", tmp_path)
     make("complex", world.results, files)
-    assert [cell.ours for cell in read_cells(files[2])] == [0.375] * 3 + [0.75] * 3
+    assert [cell.ours for cell in read_cells(files[2])] == [0.75] * 3 + [0.375] * 3
 
 
 def test_confusion_has_mesh_given_in_rows(world, tmp_path):
@@ -145,6 +146,30 @@ def test_extent_samples_and_fit(world):
     exact = 0.3 + 40 * (x - 0.06) ** 2
     np.testing.assert_allclose(polynomial(x, exact, 4)(x), exact, atol=1e-9)
     assert polynomial(x[:5], exact[:5], 4) is None  # five points fix a polynomial of degree 4; that is no fit
+
+
+@pytest.mark.parametrize("sizes, fitted", [(24, 0), (256, 2)])
+def test_a_curve_is_fitted_to_many_samples_only(world, tmp_path, monkeypatch, sizes, fitted):
+    extents = np.linspace(0.0455, 0.0895, sizes)
+    held = [THINGS[8].with_extents((0.0675, 0.0675, extent)) for extent in extents]
+    for evaluation in ("extent-true", "extent-fixed"):
+        rows = [r for i, thing in enumerate(held) for r in world.draw(TACTILE, thing, i % 3, 3, THINGS[8], i)]
+        world.evaluated(TACTILE, evaluation, rows)
+    drawn = []
+    monkeypatch.setattr("reproduce.artefacts.extent.save", lambda made, _: drawn.append(made))
+    make("extent", world.results, outputs("extent", tmp_path))
+    assert sum(len(line.get_xdata()) == 200 for line in drawn[0].axes[0].lines) == fitted
+
+
+def test_what_is_missing_draws_words_only():
+    _, (panel, bars) = figure(4, 2, 2)
+    say_missing(panel, "no run")
+    missing_bar(bars, 0.0)
+    assert not panel.axison and [text.get_text() for text in (*panel.texts, *bars.texts)] == [
+        "no run",
+        "missing",
+    ]
+    assert not bars.patches
 
 
 def test_curves_are_cut_where_all_seeds_are():

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import html.parser
+import json
 import re
 
 import pytest
 
+import object_sets
 from reproduce.artefacts import make
+from reproduce.inventory import TACTILE
 from reproduce.plan import FIGURES, TABLES
+
+THINGS = {thing.id: thing for thing in object_sets.load("all")}
 
 
 def build(world, out):
@@ -31,6 +36,9 @@ class Page(html.parser.HTMLParser):
         self.open: list[str] = []
         self.outside: list[str] = []
         self.images = 0
+        self.anchors: list[str] = []
+        self.links: list[str] = []
+        self.ids: list[str] = []
         self.feed(text)
 
     def handle_starttag(self, tag, attributes):
@@ -39,16 +47,27 @@ class Page(html.parser.HTMLParser):
         if tag not in ("img", "meta", "br", "link"):
             self.open.append(tag)
         for name, value in attributes:
-            if name in ("src", "href") and not value.startswith(("data:", "#")):
+            if name == "src" and not value.startswith("data:"):
                 self.outside.append(value)
+            if name == "href":
+                (self.anchors if value.startswith("#") else self.links).append(value)
+            if name == "id":
+                self.ids.append(value)
 
     def handle_endtag(self, tag):
         assert self.open.pop() == tag
 
 
 @pytest.fixture(scope="module")
-def page(paper_world, tmp_path_factory):
-    return build(paper_world, tmp_path_factory.mktemp("report"))
+def folder(paper_world, tmp_path_factory):
+    out = tmp_path_factory.mktemp("report")
+    build(paper_world, out)
+    return out
+
+
+@pytest.fixture(scope="module")
+def page(folder):
+    return (folder / "report" / "index.html").read_text()
 
 
 def test_it_is_one_sound_page_with_everything_inside(page):
@@ -56,6 +75,38 @@ def test_it_is_one_sound_page_with_everything_inside(page):
     assert parsed.open == [] and parsed.outside == []
     assert parsed.images == len(FIGURES)
     assert "<script" not in page and "url(" not in page
+
+
+def test_nav_is_in_page_order_and_links_lead_to_files(page, folder):
+    parsed = Page(page)
+    places = [parsed.ids.index(anchor.removeprefix("#")) for anchor in parsed.anchors]
+    assert len(places) == 6 and places == sorted(places)
+    assert len(parsed.links) >= 2 * len((*FIGURES, *TABLES)) + 1
+    assert all((folder / "report" / link).is_file() for link in parsed.links)
+
+
+def test_it_opens_with_what_was_reproduced(page):
+    lead = re.search(r'<p class="lead" id="verdict">(.*?)</p>', page, re.DOTALL)[1]
+    said, not_said = re.sub(r"<[^>]+>", "", lead).split("Not reproduced:")
+    assert "Oracle VecBPS 0.97, 0.99, 0.95 (paper 0.97, 0.99, 0.95)" in said
+    assert "Estimator VecBPS 0.90, 0.66, 0.90" in said and "claims number 1, 2" in said
+    assert "nothing of Table I that was measured" in not_said
+
+
+def test_an_agent_below_the_paper_is_named(full_world, tmp_path):
+    rows = [row for i in range(13) for row in full_world.draw(TACTILE, THINGS[i], 6, 24)]
+    full_world.evaluated(TACTILE, "nominal", rows)
+    lead = re.search(r'id="verdict">(.*?)</p>', build(full_world, tmp_path), re.DOTALL)[1]
+    assert "Estimator VecBPS 0.25, 0.25, 0.25 (paper 0.90, 0.66, 0.90)" in lead.split("Not reproduced:")[1]
+
+
+def test_steps_and_hours_are_those_of_the_whole_chain(world, tmp_path):
+    name = world.run(TACTILE, steps=1_000_000)
+    file = world.folder / "agents" / name / "agent.json"
+    start = {"from": "before", "steps": 9_000_000, "hours": 2.5}
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"warm_start": start}))
+    text = re.sub(r"<[^>]+>", "", build(world, tmp_path))
+    assert "10 M (1 M)" in text and "2.75 (0.25)" in text
 
 
 def test_it_states_scale_and_steps_of_every_agent(page, paper_world):
@@ -77,6 +128,36 @@ def test_same_data_same_page(page, paper_world, tmp_path):
 def test_a_world_without_agents_says_so(world, tmp_path):
     world.absent("oracle-vec_bps-geometric8")
     text = build(world, tmp_path)
-    assert "No agent has been evaluated" in text and "Missing (1): oracle-vec_bps-geometric8-s0" in text
-    numbers = re.findall(r'<td class="number">\s*<b>', text)
+    assert (
+        "No agent has been evaluated" in text
+        and "Missing (1 of 1 runs)" in text
+        and "oracle-vec_bps-geometric8: 0" in text
+    )
+    numbers = re.findall(r'<td class="number"[^>]*><div>\s*<b>', text)
     assert numbers == []  # no table cell holds a number
+
+
+OVERFLOWS = """() => [...document.querySelectorAll("main *")].filter(
+    e => !e.closest(".picture") && e.getBoundingClientRect().right > innerWidth + 0.5).map(e => e.outerHTML)"""
+UNSEEN = """() => [...document.querySelectorAll("td")].filter(
+    e => !e.checkVisibility() || e.getBoundingClientRect().width < 30).length"""
+BACK = "getComputedStyle(document.body).backgroundColor"
+
+
+@pytest.mark.parametrize("mode", ["light", "dark"])
+@pytest.mark.parametrize("width", [360, 390, 768, 1300])
+def test_nothing_overflows_and_every_cell_shows(browser, folder, width, mode):
+    context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=mode)
+    try:
+        view = context.new_page()
+        view.goto((folder / "report" / "index.html").as_uri())
+        view.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+        assert view.evaluate("document.documentElement.scrollWidth") <= width
+        assert view.evaluate(OVERFLOWS) == []
+        assert view.evaluate(UNSEEN) == 0
+        curves = view.evaluate("document.querySelectorAll('.picture img')[1].getBoundingClientRect().width")
+        assert curves >= 600  # px: labels of 7 pt in a figure of 10.5 inch stay legible
+        light = sum(map(int, re.findall(r"\d+", view.evaluate(BACK)))) > 3 * 128
+        assert light == (mode == "light")
+    finally:
+        context.close()

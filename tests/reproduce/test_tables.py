@@ -9,7 +9,7 @@ import pytest
 
 import object_sets
 from reproduce.artefacts import make
-from reproduce.cells import read_cells
+from reproduce.cells import paper_values, read_cells
 from reproduce.inventory import ABLATED, BENCHMARK, TACTILE
 from tactile_kit.evaluation import wilson
 
@@ -29,6 +29,14 @@ def tables(world, name, folder):
     return {(cell.row, cell.column): cell for cell in read_cells(outputs[0])}, outputs[1].read_text()
 
 
+def rows_of(tex):
+    """The four lines of each class of Table I, cut into cells."""
+    lines = [line.removesuffix(r"\\").split(" & ") for line in tex.splitlines() if " & " in line]
+    lines = [[cell.strip() for cell in line] for line in lines]
+    starts = [i for i, line in enumerate(lines) if line[0] in CLASSES]
+    return {lines[i][0]: lines[i : i + 4] for i in starts}
+
+
 def test_table1_holds_the_rates_of_the_files(world, tmp_path):
     successes = {
         role: {item: 3 + (item * 5 + place) % 8 for item in range(13)} for place, role in enumerate(BENCHMARK)
@@ -39,6 +47,7 @@ def test_table1_holds_the_rates_of_the_files(world, tmp_path):
             "nominal",
             [row for i in range(13) for row in world.draw(role, THINGS[i], successes[role][i], 12)],
         )
+    ordered = [column["name"] for column in paper_values("table1")["columns"]]
     filtered = [row for i in range(13) for row in world.draw(TACTILE, THINGS[i], 2 + i % 3, 12)]
     world.evaluated(TACTILE, "kalman", filtered)
     cells, tex = tables(world, "table1", tmp_path)
@@ -58,7 +67,13 @@ def test_table1_holds_the_rates_of_the_files(world, tmp_path):
             assert (cell.low, cell.high) == pytest.approx(wilson(count, total), abs=1e-6)
             assert cell.paper == PAPER[row, column]
             assert cell.status == "measured" and cell.steps_trained == "123456"
-            assert f"{cell.ours:.2f} [{cell.low:.2f}, {cell.high:.2f}]" in tex
+            shown = [line[2 + ordered.index(column)] for line in rows_of(tex)[row]]
+            assert shown == [
+                f"{cell.ours:.2f}",
+                f"[{cell.low:.2f}, {cell.high:.2f}]",
+                f"{cell.paper:.2f}",
+                str(total),
+            ]
     assert tex.count("missing") == 6  # the finger cell and the planner
 
 

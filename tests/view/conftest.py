@@ -1,6 +1,5 @@
 """Episodes to look at, played once."""
 
-import shutil
 from pathlib import Path
 
 import pytest
@@ -38,24 +37,6 @@ def played(agent, choice: Choice, steps: int = 1000) -> Clip:
 def clip(tactile) -> Clip:
     """A tactile agent with a cube, told that it is a cuboid; never changed by a test."""
     return played(tactile, Choice("cube", given="cuboid", goal=9, seed=3))
-
-
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-# Without a GPU: WebGL by software.
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-
-
-@pytest.fixture(scope="session")
-def browser():
-    """A headless Chromium of the machine, driven by playwright."""
-    sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        pytest.skip(f"no browser among {', '.join(BROWSERS)}; Debian has it as package chromium")
-    with sync.sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=found, args=FLAGS)
-        yield started
-        started.close()
 
 
 @pytest.fixture
