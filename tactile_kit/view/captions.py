@@ -24,10 +24,15 @@ def error_of(frame: Frame) -> float | None:
     return None if frame.estimate is None else float(geodesic(frame.estimate.rotation, frame.truth.rotation))
 
 
+def held(clip: Clip) -> str:
+    """The object, and the mesh given where it is another."""
+    name = clip.held.name
+    return name if clip.given == clip.held else f"{name}, told {clip.given.name}"
+
+
 def title(clip: Clip) -> str:
-    """Who turns what, and the mesh given where it is another."""
-    text = f"{clip.agent}: {clip.held.name}"
-    return text if clip.given == clip.held else f"{text}, told {clip.given.name}"
+    """Who turns what."""
+    return f"{clip.agent}: {held(clip)}"
 
 
 def sense(clip: Clip) -> str:

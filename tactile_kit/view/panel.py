@@ -47,7 +47,7 @@ class Panel:
         canvas, unit = ImageDraw.Draw(image), size / 320
         small, large = font(round(11 * unit)), font(round(13 * unit), bold=True)
         left, right = 10 * unit, size - 10 * unit
-        canvas.text((left, 6 * unit), captions.title(self.clip), INK, font=large)
+        canvas.text((left, 6 * unit), captions.held(self.clip), INK, font=large)
         canvas.text((left, 23 * unit), captions.sense(self.clip), INK, font=small)
         canvas.text((right, 22 * unit), f"{frame.time:.1f} s", INK, font=large, anchor="ra")
         goal = self._camera.project(self._scene.above_goal())[:2]
