@@ -73,10 +73,10 @@ class Scalar:
         for name, at in (
             ("mass", k.MASS), ("tip_friction", k.TIP_FRICTION), ("link_friction", k.LINK_FRICTION),
             ("spin_friction", k.SPIN_FRICTION), ("gravity", k.GRAVITY), ("stiffness", k.STIFFNESS), ("limit", k.LIMIT),
-            ("give", k.GIVE), ("support", k.SUPPORT), ("calm", k.KEEP),
+            ("give", k.GIVE), ("calm", k.KEEP),
         ):  # fmt: skip
             parameters[:, at] = getattr(now, name)
-        for name, at in (("force", k.FORCE), ("torque", k.TORQUE), ("moments", k.MOMENTS), ("home", k.PLACE)):
+        for name, at in (("force", k.FORCE), ("torque", k.TORQUE), ("moments", k.MOMENTS)):
             parameters[:, at : at + 3] = rows(name)
         names = (
             "damping", "feedforward", "stick", "offset", "noise", "target", "filtered", "q", "dq", "place",

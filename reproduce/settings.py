@@ -97,6 +97,6 @@ def grasp_item(task: TaskConfig) -> tuple[str, dict[str, Any]]:
         "objects", "scaling", "variants", "variant_seed", "extent_range", "grasps", "grasp_spread", "simulation",
     }  # fmt: skip
     settings = task.model_dump(mode="json", include=keys)
-    settings["simulation"] |= {"support": 0.0, "drag": 0.0}  # no matter of grasps
+    settings["simulation"] |= {"drag": 0.0}  # no matter of grasps
     digest = hashlib.blake2s(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:8]
     return f"{task.objects.replace(',', '+')}-{task.scaling}-{digest}", settings

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -86,11 +85,3 @@ def hand_urdf(fingers: Sequence[int] = range(kinematics.FINGERS)) -> str:
             parent = name
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode") + "\n"
-
-
-def write_hand_urdf(path: Path | str) -> Path:
-    """Write :func:`hand_urdf` to ``path`` and return it."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(hand_urdf(), encoding="utf-8")
-    return path

@@ -17,6 +17,7 @@ from tactile_kit.agents.config import PPOConfig, Settings
 from tactile_kit.ecrl.config import ECRLConfig
 from tactile_kit.estimator.config import EstimatorConfig
 from tactile_kit.runs.errors import ConfigError
+from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.task.config import RewardConfig, TaskConfig
 
 TASK = TaskConfig(  # to learn on; the class itself says what the paper does
@@ -77,16 +78,16 @@ class EpisodesConfig(Settings):
     grasps: PositiveInt | None = Field(32, description="Initial grasps a variant.")
     grasp_spread: float | None = Field(0.1, ge=0, le=0.5, description="How far grasps stray, rad.")
     engine: Literal["bullet", "compiled"] | None = Field("compiled", description="Physics to train in.")
-    support: float | None = Field(None, ge=0, le=1000, description="Spring while gravity is low, N/m.")
-    drag: float | None = Field(20.0, ge=0, le=100, description="Thick air while gravity is low, 1/s.")
+    drag: float | None = Field(
+        20.0, ge=0, le=100, description="Thick air while gravity is low, 1/s; compiled only."
+    )
 
     def applied(self, task: TaskConfig) -> TaskConfig:
         """The task as training plays it."""
         own = self.model_dump(exclude_none=True)
-        physics: dict[str, Any] = {
-            name: own.pop(name) for name in ("engine", "support", "drag") if name in own
-        }
-        return task.model_copy(update={**own, "simulation": task.simulation.model_copy(update=physics)})
+        physics: dict[str, Any] = {name: own.pop(name) for name in ("engine", "drag") if name in own}
+        simulation = SimulationConfig(**(task.simulation.model_dump() | physics))
+        return task.model_copy(update={**own, "simulation": simulation})
 
 
 class RunConfig(Settings):
@@ -121,6 +122,11 @@ class RunConfig(Settings):
     @classmethod
     def _shorthand(cls, data: Any) -> Any:
         return _lift(data) if isinstance(data, Mapping) else data
+
+    @model_validator(mode="after")
+    def _playable(self) -> RunConfig:
+        self.episodes.applied(self.task)  # raises where the engine lacks what the episodes ask for
+        return self
 
     @property
     def encoding(self) -> str:
@@ -235,7 +241,7 @@ def _read_yaml(path: Path) -> dict[str, Any]:
 
 def _explain(cls: type[Settings], error: Any) -> str:
     place = [str(part) for part in error["loc"]]
-    text = f"{'.'.join(place)}: {error['msg']}"
+    text = ": ".join(filter(None, [".".join(place), error["msg"].removeprefix("Value error, ")]))
     if error["type"] == "extra_forbidden":
         model: Any = cls
         for part in place[:-1]:

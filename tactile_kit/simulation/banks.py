@@ -54,7 +54,7 @@ class Finder(Protocol):
 
 @dataclass
 class BulletFinder:
-    """``count`` grasps found in Bullet under ``config`` (without support); ``spread`` (rad) as in ``find_grasps``."""
+    """``count`` grasps found in Bullet under ``config`` (without thick air); ``spread`` (rad) as in ``find_grasps``."""
 
     worth: ClassVar[int] = 1
     count: int
@@ -65,7 +65,7 @@ class BulletFinder:
 
     def key(self) -> list[Any]:
         """See :class:`Finder`."""
-        physics = self.config.model_dump(exclude={"engine", "support", "drag"})
+        physics = self.config.model_dump(exclude={"engine", "drag"})
         return [self.count, self.seed, self.spread, physics]
 
     def find(self, thing: Object) -> list[Grasp]:

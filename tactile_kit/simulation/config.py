@@ -7,6 +7,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from randomization import STANDARD_GRAVITY
+
 MEASUREMENT_RATE = 60  # Hz, paper section II-C
 CONTROL_RATE = 10  # Hz, the policy
 SAMPLES = MEASUREMENT_RATE // CONTROL_RATE  # measurements a control step
@@ -39,28 +41,26 @@ class SimulationConfig(BaseModel):
         default=0.27, gt=0, le=2, description="time constant of the command low-pass filter, s"
     )
 
-    # For training; whatever is measured of an agent is measured in Bullet, without support.
+    # For training; whatever is measured of an agent is measured in Bullet, without thick air.
     engine: Literal["bullet", "compiled"] = Field(
         default="bullet", description="Bullet, or the compiled physics of tactile_kit.simulation.compiled"
-    )
-    support: float = Field(
-        default=0.0,
-        ge=0,
-        le=1000,
-        description="spring to the object's first place without gravity, N/m; fades as gravity rises",
     )
     drag: float = Field(
         default=0.0,
         ge=0,
         le=100,
-        description="rate at which the object's motion dies down without gravity, 1/s; fades as gravity rises",
+        description="thick air, compiled only: rate at which motion dies down without gravity, 1/s; fades as it rises",
     )
 
     def plain(self, steps_per_second: int | None = None) -> SimulationConfig:
-        """These settings in Bullet and without support, as everything is measured; at another step where given."""
+        """These settings in Bullet and without thick air, as everything is measured; at another step where given."""
         step = self.steps_per_second if steps_per_second is None else steps_per_second
         given = {**self.model_dump(), "steps_per_second": step}
-        return SimulationConfig(**{**given, "engine": "bullet", "support": 0.0, "drag": 0.0})
+        return SimulationConfig(**{**given, "engine": "bullet", "drag": 0.0})
+
+    def drag_under(self, gravity: float) -> float:
+        """Rate (1/s) at which the object's speed and spin die down under ``gravity`` m/s^2, none at the earth's."""
+        return self.drag * max(0.0, 1.0 - gravity / STANDARD_GRAVITY)
 
     @property
     def time_step(self) -> float:
@@ -78,4 +78,10 @@ class SimulationConfig(BaseModel):
             raise ValueError(
                 f"simulation.steps_per_second = {self.steps_per_second}: allowed are multiples of {MEASUREMENT_RATE}"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _no_air_in_bullet(self) -> SimulationConfig:
+        if self.drag and self.engine == "bullet":
+            raise ValueError(f"simulation.drag = {self.drag:g}: Bullet has no thick air; allowed is 0 there")
         return self

@@ -17,7 +17,6 @@ from tactile_kit.simulation.bodies import MIN_MASS, Body
 from tactile_kit.simulation.client import Client
 from tactile_kit.simulation.config import SAMPLES, SimulationConfig
 from tactile_kit.simulation.hand import Hand
-from tactile_kit.simulation.support import drag_of, stiffness_of
 from tactile_kit.task.rotations import to_quaternion
 
 Array = NDArray[np.float64]
@@ -105,8 +104,6 @@ class World:
         impedance = Impedance(physics["kp"], physics["kd"], physics["series_stiffness"])
         self.controller = ImpedanceController(impedance, self.config.time_step, self.physics["gravity"])
         self._offset = np.asarray(physics["joint_offset"], dtype=np.float64)
-        self._support = stiffness_of(self.config, self.physics["gravity"])
-        self._kept = math.exp(-drag_of(self.config, self.physics["gravity"]) * self.config.time_step)
         self.disturb(np.zeros(3), np.zeros(3))
 
     def _build(self) -> Hand:
@@ -149,7 +146,6 @@ class World:
             self.object, position.tolist(), to_quaternion(rotation).tolist()
         )
         self.bullet.resetBaseVelocity(self.object, moment.velocity.tolist(), moment.spin.tolist())
-        self._place = position
         self._filter.reset(moment.command)
         self.joints, self.speeds = self.hand.read()
         self._read_object()
@@ -183,8 +179,6 @@ class World:
                 # the encoders' offset shifts what the controller holds
                 command = self._filter.update(target) - self._offset
                 hand.drive(self.controller.torques(self.joints, self.speeds, command))
-                if self._support or self._kept < 1.0:
-                    self._ease()
                 if self._torque is not None:
                     bullet.applyExternalTorque(self.object, -1, self._torque, pybullet.WORLD_FRAME)
                 bullet.stepSimulation()
@@ -195,18 +189,6 @@ class World:
         if not math.isfinite(fastest + self.position.sum()) or fastest > MAX_JOINT_SPEED:
             self.hand = None  # what is not finite stays in Bullet's memory: build the scene anew
             raise PhysicsFault(f"joint speed {fastest:.3g} rad/s, object at {self.position}")
-
-    def _ease(self) -> None:
-        if self._kept < 1.0:  # Bullet's own damping of such a body is a rate of 1/s at most
-            velocity, spin = (np.array(v) for v in self.bullet.getBaseVelocity(self.object))
-            self.bullet.resetBaseVelocity(
-                self.object, (self._kept * velocity).tolist(), (self._kept * spin).tolist()
-            )
-        if not self._support:
-            return
-        at, _ = self.bullet.getBasePositionAndOrientation(self.object)
-        force = self._support * (self._place - at)
-        self.bullet.applyExternalForce(self.object, -1, force.tolist(), at, pybullet.WORLD_FRAME)
 
     @property
     def command(self) -> Array:

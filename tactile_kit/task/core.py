@@ -23,11 +23,6 @@ class Core:
     def __init__(self, config: TaskConfig, *, sigma: bool = False, variants: Variants | None = None) -> None:
         self.config = config
         self.preset = randomization.preset(config.randomization)
-        if any(self.preset.terms["size_offset"].distribution.support()):
-            raise ValueError(
-                f"randomization = {config.randomization!r}: size_offset is not 0; no episode applies it, because sizes "
-                "are prepared beforehand: set scaling = 'random' and extent_range instead"
-            )
         self.variants = variants or prepare(config)
         self.meshes = MeshTable.from_meshes(
             [(thing.vertices, thing.faces) for thing in self.variants.objects],

@@ -41,22 +41,15 @@ class State:
 
 @dataclass
 class Transition:
-    """The last step before any new episode began, first axis environments.
+    """Where the last step led before any new episode began: ``R, goal (E, 3, 3)``, ``x (E, 3)``.
 
-    Rotations before and after the step, true and believed; ``reward_terms`` by name; ``next_observation`` is the
-    terminal one where an episode ended. Only the term "rotation" depends on the goal.
+    ``reward_terms``, each ``(E,)``, by name.
     """
 
-    R_before: Array
     R: Array
-    belief_R_before: Array
-    belief_R: Array
     x: Array
     goal: Array
     reward_terms: dict[str, Array]
-    terminated: Array
-    truncated: Array
-    next_observation: Array
 
 
 @dataclass

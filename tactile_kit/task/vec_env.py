@@ -237,7 +237,7 @@ class ReorientVecEnv(VecEnv):
         """Observations ``(E, D)``, rewards ``(E,)``, dones ``(E,)`` and infos (filled where an episode ended)."""
         ended = self.simulation.step_wait()
         views, state = self.simulation.views, self.state
-        R_before, x_before, belief_before = state.R.copy(), state.x.copy(), self.belief.R
+        x_before = state.x.copy()
         state.z[:], state.x[:], state.R[:] = views["z"], views["x"], views["R"]
         state.elapsed += 1
         status = views["status"]
@@ -253,10 +253,7 @@ class ReorientVecEnv(VecEnv):
         self._return += reward
         self.belief = self._update_belief()
         observation = self._observe()
-        self.transition = Transition(
-            R_before, state.R.copy(), belief_before, self.belief.R, state.x.copy(), state.goal.copy(), terms,
-            terminated, truncated, observation,
-        )  # fmt: skip
+        self.transition = Transition(state.R.copy(), state.x.copy(), state.goal.copy(), terms)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for i in np.flatnonzero(done).tolist():
             infos[i] = self._finish(i, Status(int(status[i])), ended[i], observation[i])

@@ -43,15 +43,7 @@ class ToyLayout:
 
 @dataclass
 class ToyTransition:
-    R: np.ndarray
-    R_before: np.ndarray
-    belief_R: np.ndarray
-    belief_R_before: np.ndarray
-    goal: np.ndarray
     reward_terms: dict[str, np.ndarray]
-    terminated: np.ndarray
-    truncated: np.ndarray
-    next_observation: np.ndarray
 
 
 class ToyEnv(VecEnv):
@@ -113,7 +105,7 @@ class ToyEnv(VecEnv):
         self.actions = actions.copy()
 
     def step_wait(self):
-        before, belief_before = self.R.copy(), self.error @ self.R
+        before = self.R.copy()
         self.R = rotations.exp(SPEED * self.actions[:, :3].astype(np.float64)) @ self.R
         turned = rotations.geodesic(before, self.goal) - rotations.geodesic(self.R, self.goal)
         terms = {
@@ -128,10 +120,7 @@ class ToyEnv(VecEnv):
         truncated = ~terminated & (self.elapsed >= self.horizon)
         following = self._observe()
         theta = rotations.geodesic(self.R, self.goal)
-        self.transition = ToyTransition(
-            self.R.copy(), before, self.error @ self.R, belief_before, self.goal.copy(), terms, terminated, truncated,
-            following,
-        )  # fmt: skip
+        self.transition = ToyTransition(terms)
         done = terminated | truncated
         infos: list[dict] = [{} for _ in range(self.num_envs)]
         for env in np.flatnonzero(done):

@@ -85,7 +85,7 @@ def test_all_agents_are_evaluated_alike(agent):
     finer = agent.task.simulation.model_copy(update={"steps_per_second": STEPS_PER_SECOND})
     assert task.simulation == finer and finer != agent.task.simulation
     assert evaluation_task(agent.task, "paper", 0, steps_per_second=240).simulation.steps_per_second == 240
-    eased = agent.task.simulation.model_copy(update={"engine": "compiled", "support": 200.0, "drag": 20.0})
+    eased = agent.task.simulation.model_copy(update={"engine": "compiled", "drag": 20.0})
     assert evaluation_task(agent.task.model_copy(update={"simulation": eased}), "paper", 0) == task
     with pytest.raises(EvaluationError, match=r"100.*multiples of 60"):
         evaluation_task(agent.task, "paper", 0, steps_per_second=100)

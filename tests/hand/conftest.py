@@ -8,7 +8,7 @@ import pybullet
 import pytest
 
 from tactile_kit.hand import kinematics
-from tactile_kit.hand.urdf import write_hand_urdf
+from tactile_kit.hand.urdf import hand_urdf
 from tactile_kit.simulation.client import Client
 from tactile_kit.task.rotations import to_quaternion
 
@@ -16,7 +16,8 @@ from tactile_kit.task.rotations import to_quaternion
 @pytest.fixture(scope="package")
 def loaded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Client, int]]:
     """Client and body id."""
-    path = write_hand_urdf(tmp_path_factory.mktemp("hand") / "deep" / "hand.urdf")
+    path = tmp_path_factory.mktemp("hand") / "hand.urdf"
+    path.write_text(hand_urdf(), encoding="utf-8")
     client = Client()
     body = client.loadURDF(
         str(path),

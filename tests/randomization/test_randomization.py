@@ -22,7 +22,6 @@ EPISODE = {
     "link_friction": 1,
     "spinning_friction": 1,
     "object_mass_offset": 1,
-    "size_offset": 3,
     "gravity": 1,
 }
 each_preset = pytest.mark.parametrize("name", PRESETS)

@@ -112,14 +112,17 @@ def test_differences_let_steps_grow_and_intervals_change() -> None:
 
 
 def test_only_training_episodes_are_eased() -> None:
-    config = RunConfig.build({"episodes": {"engine": "compiled", "support": 150, "drag": 9, "horizon": 40}})
+    config = RunConfig.build({"episodes": {"engine": "compiled", "drag": 9, "horizon": 40}})
     eased = config.episodes.applied(config.task)
-    assert (eased.simulation.engine, eased.simulation.support, eased.horizon) == ("compiled", 150, 40)
-    assert eased.simulation.drag == 9 and config.task.simulation.drag == 0
+    assert (eased.simulation.engine, eased.simulation.drag, eased.horizon) == ("compiled", 9, 40)
     assert eased.simulation.steps_per_second == config.task.simulation.steps_per_second
-    assert (config.task.simulation.engine, config.task.simulation.support) == ("bullet", 0)
+    assert (config.task.simulation.engine, config.task.simulation.drag) == ("bullet", 0)
     with pytest.raises(ConfigError, match="bullet"):
         RunConfig.build({"episodes": {"engine": "warp"}})
+    with pytest.raises(ConfigError, match=r"drag = 20.*Bullet"):
+        RunConfig.build({"episodes": {"engine": "bullet", "drag": 20}})
+    with pytest.raises(ConfigError, match=r"episodes.support: unknown; allowed: drag"):
+        RunConfig.build({"episodes": {"support": 5}})
 
 
 def test_gravity_rises_in_stairs_to_its_end() -> None:

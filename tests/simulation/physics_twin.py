@@ -112,7 +112,7 @@ class Twin:
                 centre = self.points[f, link] + HAND.centres[link] * self.along[f, link]
                 torque[f] -= HAND.masses[link] * self.gravity * self._jacobian(f, centre, link)[2]
             self.dq[f] = self.dq[f] + dt * HAND.inverse_mass[f] @ torque[f]
-        push = self.force + self.support * (self.home - self.place)
+        push = self.force.copy()
         push[2] -= self.mass * self.gravity
         spin = np.linalg.solve(self.inertia, self.torque)
         self.velocity = self.calm * (self.velocity + dt * np.concatenate([push / self.mass, spin]))

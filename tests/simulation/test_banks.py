@@ -72,9 +72,9 @@ def test_another_content_is_another_bank(things, monkeypatch, changed: str) -> N
     assert bank_file(finder, thing) != before
 
 
-def test_engine_and_support_are_no_matter_of_a_search_in_bullet(things) -> None:
+def test_engine_and_air_are_no_matter_of_a_search_in_bullet(things) -> None:
     plain = BulletFinder(2, SimulationConfig())
-    eased = BulletFinder(2, SimulationConfig(engine="compiled", support=5.0, drag=20.0))
+    eased = BulletFinder(2, SimulationConfig(engine="compiled", drag=20.0))
     assert bank_file(plain, things["cube"]) == bank_file(eased, things["cube"])
 
 

@@ -73,7 +73,7 @@ def test_it_computes_what_the_twin_says(make: Make) -> None:
     numbers = np.arange(12)
     batch = make(numbers)
     now = batch.now
-    now.support[6:], now.calm[6:] = 10.0, 0.99
+    now.calm[6:] = 0.99
     now.place[2, 3], now.gravity[3] = 2.0, 0.0
     crossed = kinematics.MEAN_GRASP.reshape(4, 3).copy()
     crossed[1:3] = [[-0.5, 0.9, 0.6], [0.5, 0.9, 0.6]]

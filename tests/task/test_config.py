@@ -68,17 +68,6 @@ def test_a_faulty_randomisation_file_is_an_error_at_once(tmp_path) -> None:
         TaskConfig(randomization=path)
 
 
-@pytest.mark.parametrize(
-    "size", ["{distribution: constant, value: 0.001}", "{distribution: uniform, low: 0, high: 0.005}"]
-)
-def test_a_size_that_no_episode_can_draw_is_an_error(tmp_path, variants, size: str) -> None:
-    config = TaskConfig(
-        objects="cube,l_shape", grasps=2, randomization=own_file(tmp_path, f"size_offset: {size}")
-    )
-    with pytest.raises(ValueError, match=r"size_offset is not 0.*scaling = 'random'"):
-        Core(config, variants=variants)
-
-
 @pytest.mark.parametrize("name", randomization.PRESETS)
 def test_presets_leave_the_size_alone(variants, name: str) -> None:
     Core(TaskConfig(objects="cube,l_shape", grasps=2, randomization=name), variants=variants)

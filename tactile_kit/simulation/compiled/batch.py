@@ -22,7 +22,6 @@ from tactile_kit.simulation.compiled.lanes import LANES
 from tactile_kit.simulation.compiled.rows import FINGERS, FIRST_WRITTEN, ROWS, SHAPES, SIZES, Quantities, at
 from tactile_kit.simulation.compiled.tables import distance_grids, hand_tables
 from tactile_kit.simulation.config import SimulationConfig
-from tactile_kit.simulation.support import drag_of, stiffness_of
 from tactile_kit.task.rotations import from_quaternion, to_quaternion
 
 Array = NDArray[Any]
@@ -107,7 +106,7 @@ class Batch:
         now, axes = self.now, self._axes[variant]
         self.variant[which], self._nodes[which] = variant, variant * NODES**3
         centre = position + (rotation @ self._coms[variant][..., None])[..., 0]
-        now.place[:, which] = now.home[:, which] = centre.T
+        now.place[:, which] = centre.T
         now.quaternion[:, which] = to_quaternion(rotation @ axes).T
         now.velocity[:, which] = now.dq[..., which] = now.memory[..., which] = now.noise[..., which] = 0.0
         now.force[:, which] = now.torque[:, which] = 0.0
@@ -140,8 +139,7 @@ class Batch:
         now.feedforward[..., which] = weightless[..., None] * gravity
         now.stick[..., which] = drawn["stick_friction"].T.reshape(*JOINTS, -1)
         now.offset[..., which] = drawn["joint_offset"].T.reshape(*JOINTS, -1)
-        now.support[which] = [stiffness_of(config, g) for g in gravity.tolist()]
-        now.calm[which] = [math.exp(-drag_of(config, g) * config.time_step) for g in gravity.tolist()]
+        now.calm[which] = [math.exp(-config.drag_under(g) * config.time_step) for g in gravity.tolist()]
         self._measure(which)
 
     def _measure(self, which: Array) -> None:

@@ -33,7 +33,7 @@ FRICTION = ("tip_friction", "link_friction", "spinning_friction")
 
 @dataclass
 class CompiledFinder:
-    """``count`` grasps found in the compiled physics under ``config`` (without support); see ``banks.Finder``."""
+    """``count`` grasps found in the compiled physics under ``config`` (without thick air); see ``banks.Finder``."""
 
     worth: ClassVar[int] = 12  # a process has torch to import, a bank takes a few tenths of a second
     count: int
@@ -44,7 +44,7 @@ class CompiledFinder:
 
     def key(self) -> list[Any]:
         """See ``banks.Finder``."""
-        physics = self.config.model_dump(exclude={"engine", "support", "drag"})
+        physics = self.config.model_dump(exclude={"engine", "drag"})
         return ["compiled", PHYSICS, self.count, self.seed, self.spread, physics]
 
     def find(self, thing: Object) -> Sequence[Grasp]:

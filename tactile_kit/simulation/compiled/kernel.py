@@ -33,7 +33,6 @@ from tactile_kit.simulation.compiled.space import (
     dot,
     inwards,
     load3,
-    minus,
     outwards,
     plus,
     store3,
@@ -160,8 +159,7 @@ def _roots(s):
 def _move_object(s, dt):
     """Scaled speeds of the object after a step without contacts."""
     calm, (heaviness, sloth) = load(s, at.calm), _roots(s)
-    push = plus(load3(s, at.force), times(minus(load3(s, at.home), load3(s, at.place)), load(s, at.support)))
-    speeds = plus(load3(s, at.velocity), times(push, dt / load(s, at.mass)))
+    speeds = plus(load3(s, at.velocity), times(load3(s, at.force), dt / load(s, at.mass)))
     speeds = speeds[0], speeds[1], speeds[2] - dt * load(s, at.gravity)
     store3(s, OBJECT, times(speeds, calm * heaviness))
     turning, twist = inwards(s, TURN, load3(s, at.velocity + 3)), inwards(s, TURN, load3(s, at.torque))

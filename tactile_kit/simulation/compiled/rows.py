@@ -32,8 +32,6 @@ class Quantities(NamedTuple):
     feedforward: Any = _JOINTS  # Nm
     stick: Any = _JOINTS  # Nm of dry friction
     offset: Any = _JOINTS  # rad of the measurement
-    support: Any = ()  # N/m towards home
-    home: Any = (3,)  # m, world frame
     calm: Any = ()  # share of the object's speed that drag leaves in a physics step
     origin: Any = (3,)  # m, first node of the grid of distances, object's frame
     cells: Any = (3,)  # 1/m, nodes of that grid a metre
