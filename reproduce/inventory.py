@@ -24,6 +24,7 @@ TRANSFER, PLANNER = "transfer", "planner"
 KALMAN = "kalman"  # the evaluation in which a filter stands in for the agent's own estimator
 
 ORACLE, TACTILE = "oracle-vec_bps-geometric8", "tactile-vec_bps-geometric8"
+FINGERS = "tactile-vec_bps_fingers-geometric8"
 BENCHMARK = (ORACLE, "oracle-pos-geometric8", TACTILE, "tactile-pos-geometric8")
 ABLATED = {  # Table II's rows
     "no_sigma": "tactile-vec_bps_nosigma-geometric8",
@@ -48,7 +49,7 @@ _NOMINAL = {
     "extent": [(TACTILE, "extent-true"), (TACTILE, "extent-fixed")],
     "confusion": [(TACTILE, "confusion")],
 }
-_BESIDE = [(TACTILE, KALMAN), (PLANNER, "nominal")]  # Table I's columns that the paper has not
+_BESIDE = [(FINGERS, "nominal"), (TACTILE, KALMAN), (PLANNER, "nominal")]  # Table I's columns that the paper has not
 _ALL = list(dict.fromkeys(pair for pairs in _NOMINAL.values() for pair in pairs))
 # artefact -> (role, evaluation) pairs it reads; roles whose learning curves it reads
 NEEDS: dict[str, tuple[list[tuple[str, str]], tuple[str, ...]]] = {
