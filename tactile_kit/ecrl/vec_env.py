@@ -18,7 +18,6 @@ from tactile_kit.estimator.cell import EstimatorCell
 from tactile_kit.estimator.cells import new_cell
 from tactile_kit.estimator.config import EstimatorConfig
 from tactile_kit.estimator.errors import EstimatorError
-from tactile_kit.estimator.kalman import KalmanFilter
 from tactile_kit.estimator.trainer import EstimatorTrainer
 from tactile_kit.shape import encoding
 from tactile_kit.simulation.simulator import Status
@@ -37,7 +36,8 @@ class TactileVecEnv(ReorientVecEnv):
     ``step_wait``. Rewards and results are those of the true object all the same.
 
     Args:
-        estimator: a trained or fresh cell, a Kalman filter, or the settings of a new cell (weights from ``seed``).
+        estimator: a trained or fresh cell, the settings of a new cell (weights from ``seed``), or anything with a cell's
+            ``initial``, call and ``sigmas`` (``KalmanFilter``), which does not learn.
         ecrl: the coupling's settings.
         training: whether the estimator learns and truth may stand in for it; by default where no episodes are given.
         others: as for :class:`ReorientVecEnv`.
@@ -62,7 +62,7 @@ class TactileVecEnv(ReorientVecEnv):
         seed: int = 0,
         episodes: Iterable[EpisodeSpec] | None = None,
         variants: Variants | None = None,
-        estimator: EstimatorCell | KalmanFilter | EstimatorConfig | None = None,
+        estimator: Any = None,
         ecrl: ECRLConfig | None = None,
         training: bool | None = None,
     ) -> None:
@@ -87,10 +87,8 @@ class TactileVecEnv(ReorientVecEnv):
             self.layout = Layout({**self.layout.sizes, **TERMS})
             self.observation_space = spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32)
 
-    def _couple(
-        self, estimator: EstimatorCell | KalmanFilter | EstimatorConfig, ecrl: ECRLConfig, seed: int
-    ) -> Coupling:
-        if isinstance(estimator, KalmanFilter):
+    def _couple(self, estimator: Any, ecrl: ECRLConfig, seed: int) -> Coupling:
+        if not isinstance(estimator, (EstimatorCell, EstimatorConfig)):
             return Coupling(estimator, self.encoding, None, ecrl, self.num_envs, seed)
         settings = estimator if isinstance(estimator, EstimatorConfig) else estimator.config
         name = settings.encoding or self.config.encoding

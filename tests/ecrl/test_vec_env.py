@@ -11,6 +11,7 @@ from estimator_cases import TINY
 
 from tactile_kit.ecrl import ECRLConfig, TactileVecEnv
 from tactile_kit.estimator import EstimatorCell, EstimatorConfig, EstimatorError, KalmanFilter, new_cell
+from tactile_kit.estimator.state import EstimatorState
 from tactile_kit.shape import ENCODINGS
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.goals import EpisodeSpec
@@ -199,3 +200,31 @@ def test_kalman_filter_as_belief(build) -> None:
     observations, *_ = run(env, 4)
     assert np.isfinite(observations[-1]).all()
     assert env.metrics()["rho"] == 0
+
+
+class Still:
+    """Believes for ever what it was told at first."""
+
+    def initial(self, R0: torch.Tensor) -> EstimatorState:
+        return EstimatorState(torch.zeros(len(R0), 3), R0, torch.zeros(len(R0), 0))
+
+    def __call__(
+        self, state: EstimatorState, z: torch.Tensor, encoding: object, mesh: torch.Tensor
+    ) -> EstimatorState:
+        return state
+
+    def sigmas(self, state: EstimatorState) -> torch.Tensor:
+        return torch.ones(len(state.x), 2)
+
+
+def test_anything_with_a_cells_interface_tells_the_policy(build) -> None:
+    env = build(estimator=Still())
+    assert not env.training
+    env.reset()
+    told = []
+    for _ in range(2):
+        env.step(np.zeros((env.num_envs, 12), np.float32))
+        told.append(env.estimated.R.copy())
+    first = told[0]
+    np.testing.assert_array_equal(env.estimated.R, first)
+    assert (env.estimated.sigma == 1.0).all()
