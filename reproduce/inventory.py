@@ -49,7 +49,8 @@ _NOMINAL = {
     "extent": [(TACTILE, "extent-true"), (TACTILE, "extent-fixed")],
     "confusion": [(TACTILE, "confusion")],
 }
-_BESIDE = [(FINGERS, "nominal"), (TACTILE, KALMAN), (PLANNER, "nominal")]  # Table I's columns that the paper has not
+# Table I's columns that the paper has not
+_BESIDE = [(FINGERS, "nominal"), (TACTILE, KALMAN), (PLANNER, "nominal")]
 _ALL = list(dict.fromkeys(pair for pairs in _NOMINAL.values() for pair in pairs))
 # artefact -> (role, evaluation) pairs it reads; roles whose learning curves it reads
 NEEDS: dict[str, tuple[list[tuple[str, str]], tuple[str, ...]]] = {
