@@ -36,8 +36,8 @@ class TactileVecEnv(ReorientVecEnv):
     ``step_wait``. Rewards and results are those of the true object all the same.
 
     Args:
-        estimator: a trained or fresh cell, the settings of a new cell (weights from ``seed``), or anything with a cell's
-            ``initial``, call and ``sigmas`` (``KalmanFilter``), which does not learn.
+        estimator: a trained or fresh cell, the settings of a new cell (weights from ``seed``), or anything with a
+            cell's ``initial``, call and ``sigmas`` (``KalmanFilter``), which does not learn.
         ecrl: the coupling's settings.
         training: whether the estimator learns and truth may stand in for it; by default where no episodes are given.
         others: as for :class:`ReorientVecEnv`.
