@@ -66,8 +66,13 @@ def agent_field(page):
 
 
 def choose(page, label: str, value: str) -> None:
-    page.get_by_label(label, exact=True).first.click()
-    page.get_by_role("option", name=value, exact=True).click()
+    option = page.get_by_role("option", name=value, exact=True)
+    for _ in range(5):  # a folder that is still unfolding takes the list away again
+        page.get_by_label(label, exact=True).first.click()
+        page.wait_for_timeout(1000)
+        if option.is_visible():
+            break
+    option.click()
 
 
 @pytest.mark.slow
