@@ -116,7 +116,7 @@ def evaluate(
     given: str = "true",
     scaling: Literal["nominal", "random"] = "nominal",
     sizes: int = 1,
-    estimator: Literal["own", "kalman"] = "own",
+    estimator: Annotated[str, arg(metavar="NAME|DIR")] = "own",
     num_envs: int = 16,
     num_workers: int = 1,
 ) -> int:
@@ -133,7 +133,7 @@ def evaluate(
         given: The mesh the agent is told of: true, nominal, each, or an object's name.
         scaling: Nominal sizes, or random extents.
         sizes: Random sizes an object.
-        estimator: What tells the agent of the pose: own, or a Kalman filter in its place.
+        estimator: What tells the agent of the pose: own, kalman, rest, or a tactile agent whose cell does.
         num_envs: Environments stepped together.
         num_workers: Processes that simulate.
     """
@@ -184,7 +184,7 @@ def measure_estimator(
     agent: Annotated[Path, arg(metavar="DIR")],
     objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "geometric8",
     closed_loop: bool = False,
-    estimator: Literal["own", "kalman"] = "own",
+    estimator: Annotated[str, arg(metavar="NAME|DIR")] = "own",
     episodes: Annotated[int, arg(metavar="N")] = 512,
     seed: Annotated[int, arg(metavar="S")] = 0,
     each: bool = False,
@@ -200,7 +200,7 @@ def measure_estimator(
         agent: The agent's directory.
         objects: Object sets, names or ids, separated by commas.
         closed_loop: The policy is told the estimate, as in every evaluation; otherwise the truth.
-        estimator: Own, or a Kalman filter in its place, which an oracle can be measured with too.
+        estimator: Own, kalman, rest (the object never moves), or a tactile agent whose cell it is.
         episodes: How many, all at once.
         seed: Of the episodes.
         each: One row an object instead of a class.

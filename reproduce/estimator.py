@@ -7,9 +7,9 @@ from typing import Any
 
 from reproduce.cells import paper_values
 from reproduce.errors import ReproduceError
+from tactile_kit.evaluation.estimates import SECONDS
 from tactile_kit.runs.config import RunConfig
 
-SECONDS = (1, 2, 5, 10)
 HEADS = {  # what a column is called, and the figure it shows
     "< 0.4": "within_10s",
     "> 1": "lost_10s",
@@ -59,11 +59,9 @@ def measure(
     """
     from tactile_kit.agents.agent import load_agent
     from tactile_kit.evaluation.estimates import follow
-    from tactile_kit.evaluation.estimators import ESTIMATORS
+    from tactile_kit.evaluation.estimators import told
 
-    followed = follow(
-        ESTIMATORS[estimator](load_agent(agent)), objects, truth=truth, episodes=episodes, seed=seed
-    )
+    followed = follow(told(load_agent(agent), estimator), objects, truth=truth, episodes=episodes, seed=seed)
     everything = sorted(set(followed.object_id.tolist()))
     if each:
         import object_sets

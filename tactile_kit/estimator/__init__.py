@@ -17,6 +17,7 @@ _HOMES = {
     "EstimatorTrainer": "trainer",
     "KalmanConfig": "kalman",
     "KalmanFilter": "kalman",
+    "Rest": "rest",
     "Sequences": "sequences",
     "estimator_loss": "loss",
     "cell_of": "cells",

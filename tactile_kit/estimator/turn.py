@@ -1,4 +1,4 @@
-"""R̂ <- exp(r) R̂ for a batch as one compiled, differentiable operation.
+"""R̂ <- exp(r) R̂ for a batch, compiled, forwards and backwards.
 
 Written with torch operations (see ``so3``, the twin in the tests) this small sum would be some forty kernel
 launches a step and half of the time of a training pass. The gradient is the closed form: with G the gradient
@@ -10,52 +10,21 @@ of R' = exp(r) R,
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numba
 import numpy as np
 import torch
 from torch import Tensor
-from torch.autograd.function import once_differentiable
 
 
 def turned(R: Tensor, r: Tensor) -> Tensor:
     """exp(r) R, orthonormal: R ``(B, 3, 3)``, r ``(B, 3)`` rad, float32 or float64 on the CPU; same dtype out.
 
-    One Newton step removes the rounding that a hundred products would gather. Differentiable once; R's
-    gradient has meaning along rotations only.
+    One Newton step removes the rounding that a hundred products would gather. No gradient: ``step.moved`` has one.
     """
-    if torch.is_grad_enabled() and (R.requires_grad or r.requires_grad):
-        return _Turn.apply(R, r)
-    return _forward(R.detach(), r.detach())
-
-
-def _forward(R: Tensor, r: Tensor) -> Tensor:
     out = torch.empty(R.shape, dtype=R.dtype)
-    forward(R.contiguous().numpy(), r.contiguous().numpy(), out.numpy())
+    forward(R.detach().contiguous().numpy(), r.detach().contiguous().numpy(), out.numpy())
     return out
-
-
-class _Turn(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, R: Tensor, r: Tensor) -> Tensor:
-        out = _forward(R.detach(), r.detach())
-        ctx.save_for_backward(r, out)
-        return out
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, gradient: Tensor) -> tuple[Tensor, Tensor]:
-        r, out = ctx.saved_tensors
-        R_gradient, r_gradient = torch.empty(out.shape, dtype=out.dtype), torch.empty(r.shape, dtype=r.dtype)
-        backward(
-            r.detach().contiguous().numpy(),
-            out.detach().numpy(),
-            gradient.contiguous().numpy(),
-            R_gradient.numpy(),
-            r_gradient.numpy(),
-        )
-        return R_gradient, r_gradient
 
 
 @numba.njit(cache=True, nogil=True)

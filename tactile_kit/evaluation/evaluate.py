@@ -10,7 +10,7 @@ from typing import Any, Literal
 from randomization import derive
 from tactile_kit.evaluation.cases import GOALS
 from tactile_kit.evaluation.errors import EvaluationError
-from tactile_kit.evaluation.estimators import ESTIMATORS
+from tactile_kit.evaluation.estimators import told
 from tactile_kit.evaluation.rows import EpisodeRow
 from tactile_kit.evaluation.schedule import HORIZON, STEPS_PER_SECOND, Schedule, schedule
 
@@ -57,8 +57,8 @@ def evaluate(
         goals_per_case: how many of the 24 goals each body and mesh is given.
         randomization: preset of domain randomisation.
         steps_per_second: of the physics, a multiple of 60, whatever the agent was trained with.
-        estimator: what tells the agent of the pose: ``own``, as it was trained, or ``kalman``, the filter that learns
-            nothing (``tactile_kit.estimator.KalmanFilter``).
+        estimator: what tells the agent of the pose: ``own``, as it was trained; ``kalman`` or ``rest``, which learn
+            nothing (``tactile_kit.estimator``); or a tactile agent's directory, whose cell it then is.
         num_envs, num_workers: how the work, a search for grasps too, is spread over environments and processes.
         name: what the rows call the agent; its directory's name by default.
         progress: called with (episodes done, episodes in all) now and then.
@@ -71,13 +71,11 @@ def evaluate(
         raise EvaluationError(
             f"num_envs = {num_envs}, num_workers = {num_workers}; allowed are >= 1 and >= 0"
         )
-    if estimator not in ESTIMATORS:
-        raise EvaluationError(f"estimator = {estimator!r}; allowed are {', '.join(map(repr, ESTIMATORS))}")
     from tactile_kit.agents.agent import load_agent
 
     if isinstance(agent, (str, os.PathLike)):
         agent = load_agent(Path(agent))
-    agent = ESTIMATORS[estimator](agent)
+    agent = told(agent, estimator)
     plan = schedule(
         agent.task, objects, goals=goals, episodes_per_goal=episodes_per_goal, seed=seed, given=given, scaling=scaling,
         sizes=sizes, goals_per_case=goals_per_case, randomization=randomization, steps_per_second=steps_per_second,

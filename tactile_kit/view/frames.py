@@ -4,30 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from object_sets import Object
+from tactile_kit.evaluation.schedule import Outcome
 from tactile_kit.task.rotations import geodesic
 
 Array = NDArray[np.float64]
 STEP = 0.1  # s from frame to frame, one control step
-
-
-class Outcome(Protocol):
-    """How an episode ended."""
-
-    @property
-    def theta(self) -> float: ...
-    @property
-    def success(self) -> bool: ...
-    @property
-    def drop(self) -> bool: ...
-    @property
-    def fault(self) -> str | None: ...
 
 
 @dataclass(frozen=True)

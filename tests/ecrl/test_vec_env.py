@@ -10,8 +10,7 @@ import torch
 from estimator_cases import TINY
 
 from tactile_kit.ecrl import ECRLConfig, TactileVecEnv
-from tactile_kit.estimator import EstimatorCell, EstimatorConfig, EstimatorError, KalmanFilter, new_cell
-from tactile_kit.estimator.state import EstimatorState
+from tactile_kit.estimator import EstimatorCell, EstimatorConfig, EstimatorError, KalmanFilter, Rest, new_cell
 from tactile_kit.shape import ENCODINGS
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.goals import EpisodeSpec
@@ -202,23 +201,8 @@ def test_kalman_filter_as_belief(build) -> None:
     assert env.metrics()["rho"] == 0
 
 
-class Still:
-    """Believes for ever what it was told at first."""
-
-    def initial(self, R0: torch.Tensor) -> EstimatorState:
-        return EstimatorState(torch.zeros(len(R0), 3), R0, torch.zeros(len(R0), 0))
-
-    def __call__(
-        self, state: EstimatorState, z: torch.Tensor, encoding: object, mesh: torch.Tensor
-    ) -> EstimatorState:
-        return state
-
-    def sigmas(self, state: EstimatorState) -> torch.Tensor:
-        return torch.ones(len(state.x), 2)
-
-
 def test_anything_with_a_cells_interface_tells_the_policy(build) -> None:
-    env = build(estimator=Still())
+    env = build(estimator=Rest())
     assert not env.training
     env.reset()
     told = []

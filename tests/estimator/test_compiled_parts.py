@@ -15,7 +15,6 @@ from tactile_kit.estimator.so3 import exp, geodesic, safe_norm, to_6d
 from tactile_kit.estimator.state import EstimatorState
 from tactile_kit.estimator.step import FARTHEST, LARGEST_LATENT, LARGEST_TURN, LENGTH_SCALE, moved
 from tactile_kit.estimator.touch import touch
-from tactile_kit.estimator.turn import turned
 
 
 def recurrence(apply, x: torch.Tensor, steps: int) -> torch.Tensor:
@@ -151,7 +150,7 @@ def moved_by_torch(state: EstimatorState, residual: torch.Tensor) -> EstimatorSt
     latent, move, turn = residual.split([state.latent.shape[1], 3, 3], dim=-1)
     return EstimatorState(
         (state.x + 0.01 * move).clamp(-FARTHEST, FARTHEST),
-        turned(state.R, (0.1 * turn).clamp(-LARGEST_TURN, LARGEST_TURN)),
+        exp((0.1 * turn).clamp(-LARGEST_TURN, LARGEST_TURN)) @ state.R,
         (state.latent + latent).clamp(-LARGEST_LATENT, LARGEST_LATENT),
     )
 

@@ -9,19 +9,14 @@ import pytest
 import torch
 
 from tactile_kit.agents.agent import load_agent
-from tactile_kit.estimator import KalmanFilter
+from tactile_kit.estimator import KalmanFilter, Rest
+from tactile_kit.evaluation.errors import EvaluationError
 from tactile_kit.evaluation.estimates import follow
+from tactile_kit.evaluation.estimators import told
 
 pytestmark = pytest.mark.slow
 
 ORACLE = Path(__file__).parents[2] / "results" / "agents" / "oracle-vec_bps-geometric8-s0"
-
-
-class Resting(KalmanFilter):
-    """Believes for ever what it is told at the start."""
-
-    def __call__(self, state, z, encoding, mesh):
-        return state
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +25,7 @@ def followed():
     oracle = load_agent(ORACLE)
     return {
         name: follow(oracle.told_by(told), "cube", truth=True, episodes=32, seed=1)
-        for name, told in (("filter", KalmanFilter()), ("rest", Resting()))
+        for name, told in (("filter", KalmanFilter()), ("rest", Rest()))
     }
 
 
@@ -46,3 +41,13 @@ def test_the_filter_follows_for_a_while_and_says_less_and_less_surely(followed) 
     assert np.nanmean(sigma[0]) < 0.5 * np.nanmean(sigma[20])
     assert np.nanmax(sigma) < 3**0.5 * 0.8 + 1e-6
     assert np.nanmax(np.abs(followed["filter"].position)) < 0.2
+
+
+def test_another_agents_cell_may_tell_what_it_believes(followed) -> None:
+    oracle = load_agent(ORACLE)
+    tactile = ORACLE.with_name("tactile-vec_bps-geometric8-s0")
+    cell = follow(told(oracle, str(tactile)), "cube", truth=True, episodes=32, seed=1)
+    np.testing.assert_array_equal(cell.goal, followed["rest"].goal)
+    assert cell.figures()["mean_1s"] < 0.6 * followed["filter"].figures()["mean_1s"]
+    with pytest.raises(EvaluationError, match="an oracle has no estimator"):
+        told(oracle, str(ORACLE))
