@@ -241,6 +241,13 @@ def grasps(record: Record) -> list[str]:
     ]
 
 
+def _layout(label: str, run: Record, names: list[str]) -> str:
+    """One row: steps a second, CPU time a step, and its parts."""
+    parts = " | ".join(f"{run['parts'][part]:.1f}" for part in names)
+    rate = f"{run['steps_per_second']:,.0f} ({run['steps_per_second_best']:,.0f})"
+    return f"| {label} | {rate} | {run['microseconds']:.1f} | {parts} |"
+
+
 def coupled(record: Record) -> list[str]:
     runs = record["layouts"]
     names = list(next(iter(runs.values()))["parts"])
@@ -250,12 +257,7 @@ def coupled(record: Record) -> list[str]:
         "| | steps a second (best roll-out) | CPU µs a step | " + " | ".join(names) + " |",
         "|---|---|---|" + "---|" * len(names),
     ]
-    for name, run in runs.items():
-        parts = " | ".join(f"{run['parts'][part]:.1f}" for part in names)
-        lines.append(
-            f"| {name} | {run['steps_per_second']:,.0f} ({run['steps_per_second_best']:,.0f}) "
-            f"| {run['microseconds']:.1f} | {parts} |"
-        )
+    lines += [_layout(name, run, names) for name, run in runs.items()]
     reached = runs["two cores"]["steps_per_second"]
     return [
         *lines,
@@ -279,12 +281,7 @@ def recipe(record: Record) -> list[str]:
             for count, layouts in record["beside_other_work"].items()
         ),
     ):
-        for name, run in layouts.items():
-            parts = " | ".join(f"{run['parts'][part]:.1f}" for part in names)
-            lines.append(
-                f"| {count} | {name}{note} | {run['steps_per_second']:,.0f} ({run['steps_per_second_best']:,.0f}) "
-                f"| {run['microseconds']:.1f} | {parts} |"
-            )
+        lines += [_layout(f"{count} | {name}{note}", run, names) for name, run in layouts.items()]
     reached = max(layouts["two cores"]["steps_per_second"] for layouts in runs.values())
     best = max(layouts["two cores"]["steps_per_second_best"] for layouts in runs.values())
     lines += [
