@@ -43,12 +43,6 @@ class PPOConfig(Settings):
     max_gradient_norm: PositiveFloat = 1.0
     log_std: float = Field(-1.4, description="Initial log sigma of the actions, state-independent.")
     keep_sigma: bool = Field(True, description="A warm start takes over its source's sigma; false: log_std.")
-    calm_from: int | None = Field(
-        80_000_000,
-        ge=0,
-        description="Environment steps from which on sigma is kept down; None: never.",
-    )
-    calm_log_std: float = Field(-2.0, description="What log sigma is kept down to then.")
     noise_correlation: float = Field(
         0.6, ge=0, lt=1, description="Correlation of the noise from one action to the next."
     )

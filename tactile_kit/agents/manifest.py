@@ -37,6 +37,7 @@ class Manifest(BaseModel):
     algorithm: Literal["ppo", "sac"]
     steps: int = Field(ge=0, description="Environment steps trained, in this run.")
     hours: float = Field(ge=0, description="Wall time trained, in this run.")
+    levelled: bool = Field(False, description="Whether training ended because success no longer rose.")
     warm_start: dict[str, Any] | None = Field(
         None, description="Where the weights came from, with its steps."
     )

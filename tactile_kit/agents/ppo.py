@@ -70,6 +70,9 @@ class PPO(stable_baselines3.PPO):
         rest: ``(A,)`` action an untrained policy takes on average.
         threads: in how many parts environments and minibatches are worked on at a time; results depend on it as on
             any order of sums.
+
+    Attributes:
+        log_std: ceiling of log sigma, from outside.
     """
 
     policy: HandActorCriticPolicy  # type: ignore[assignment]
@@ -96,6 +99,7 @@ class PPO(stable_baselines3.PPO):
         self.order = stream(seed, "learner", "minibatches")
         self.teacher: Teacher | None = None
         self.rate = config.learning_rate
+        self.log_std = math.inf
         self._means = Means()
         self._new = (
             1.0 - config.noise_correlation**2
@@ -145,7 +149,7 @@ class PPO(stable_baselines3.PPO):
         callback.on_rollout_start()
         buffer = rollout_buffer
         buffer.reset()
-        self._calm()
+        self.policy.actor.log_std.data.clamp_(max=self.log_std)
         log_std = self.policy.actor.log_std.detach().clone()
         dones = self._last_episode_starts
         for step in range(n_rollout_steps):
@@ -243,9 +247,7 @@ class PPO(stable_baselines3.PPO):
         self.policy.norm.update(torch.from_numpy(self.rollout_buffer.observations).flatten(0, 1))
 
     def _aims(self) -> Aims:
-        rested = self.config.fixed_steps + self.config.critic_steps
-        leads = not self.taught and self.num_timesteps > rested
-        return Aims(leads, self.taught, self.policy.actor.log_std.detach().clone())
+        return Aims(self.leads, self.taught, self.policy.actor.log_std.detach().clone())
 
     def _gradient_step(self, experience: Experience, batch: Minibatch, aims: Aims) -> None:
         optimizer = self.policy.optimizer
@@ -294,12 +296,6 @@ class PPO(stable_baselines3.PPO):
             means["clipped"] = ((ratio - 1.0).abs() > config.clip).float().mean()
         return list(gradients), {name: weight * value.detach() for name, value in means.items()}
 
-    def _calm(self) -> None:
-        """Keep sigma down once it is time to."""
-        config = self.config
-        if config.calm_from is not None and self.num_timesteps >= config.calm_from:
-            self.policy.actor.log_std.data.clamp_(max=config.calm_log_std)
-
     # ---- being taught ------------------------------------------------------------------------------------------------
     def _lessons(self) -> float:
         """Share of the lessons that is over."""
@@ -310,6 +306,11 @@ class PPO(stable_baselines3.PPO):
         """Whether the policy follows its teacher still, and not yet its returns."""
         lessons = self.config.taught_steps if self.teacher is not None else 0
         return lessons > 0 and self.num_timesteps <= lessons
+
+    @property
+    def leads(self) -> bool:
+        """Whether the policy follows its returns."""
+        return not self.taught and self.num_timesteps > self.config.fixed_steps + self.config.critic_steps
 
     def metrics(self) -> dict[str, float]:
         """Means since the last call: losses, divergence, sigma, learning rate. Raises FloatingPointError on NaN."""

@@ -159,6 +159,16 @@ class TactileVecEnv(ReorientVecEnv):
             self.watch.end(info["success"], dropped, info["theta"], float(believed), float(off))
         return info
 
+    @property
+    def rho(self) -> float:
+        """Probability that an episode starting now shows the policy the truth."""
+        return self.coupling.rho
+
+    def slow(self, factor: float) -> None:
+        """From now on the estimator learns by ``factor`` times its configured step size."""
+        if self.coupling.trainer is not None:
+            self.coupling.trainer.slowed = factor
+
     def metrics(self) -> dict[str, float]:
         """rho, what the estimator's last training measured (``estimator/...``; m, rad), and ``Watch``'s."""
         return self.coupling.metrics() | self.watch.take()

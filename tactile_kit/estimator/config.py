@@ -56,11 +56,6 @@ class EstimatorConfig(Settings):
         default=(256,) * 4, description="Hidden layers, sigma network."
     )
     learning_rate: float = Field(default=5e-4, gt=0, description="Adam's step size.")
-    slows_after: PositiveInt | None = Field(
-        default=None,
-        description="Gradient steps after which the step size falls in inverse proportion to them; none: never "
-        "(own choice).",
-    )
     betas: tuple[float, float] = Field(default=(0.9, 0.99), description="Adam's averages.")
     weight_decay: float = Field(default=1e-5, ge=0, description="L2 penalty in Adam.")
     max_gradient_norm: float = Field(default=1.0, gt=0, description="Gradients are scaled down to this norm.")

@@ -36,11 +36,13 @@ class EstimatorTrainer:
 
     Attributes:
         iteration: calls of :meth:`train` so far.
+        slowed: what the configured step size is multiplied by, from outside.
     """
 
     def __init__(self, cell: EstimatorCell, encoding: Any, bps: Encode, seed: int = 0) -> None:
         config = cell.config
         self.cell, self.encoding, self.bps, self.seed, self.iteration = cell, encoding, bps, seed, 0
+        self.slowed = 1.0
         self.learning = copy.deepcopy(cell)
         self.average = Average(cell, self.learning, config.averaging)
         self.optimizer = torch.optim.Adam(
@@ -89,9 +91,7 @@ class EstimatorTrainer:
     @property
     def rate(self) -> float:
         """Adam's step size in the next gradient step."""
-        config, done = self.cell.config, self.average.steps
-        slows = config.slows_after
-        return config.learning_rate * (1.0 if slows is None else min(1.0, slows / max(done, 1)))
+        return self.cell.config.learning_rate * self.slowed
 
     def _put_back(self, pool: Sequences) -> tuple[Sequences, float]:
         """Sequences that begin with a lost estimate begin near the truth instead; and their share.

@@ -16,6 +16,7 @@ from randomization import GravitySchedule
 from tactile_kit.agents.config import PPOConfig, Settings
 from tactile_kit.ecrl.config import ECRLConfig
 from tactile_kit.estimator.config import EstimatorConfig
+from tactile_kit.runs.calm import CalmConfig
 from tactile_kit.runs.errors import ConfigError
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.task.config import RewardConfig, TaskConfig
@@ -115,6 +116,7 @@ class RunConfig(Settings):
     ecrl: ECRLConfig = ECRLConfig()
     episodes: EpisodesConfig = EpisodesConfig()
     gravity: GravityConfig = GravityConfig()
+    calm: CalmConfig = CalmConfig()
     evaluation: EvaluationConfig = EvaluationConfig()
     checkpoint: CheckpointConfig = CheckpointConfig()
 

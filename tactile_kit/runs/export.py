@@ -28,6 +28,7 @@ def export_agent(
     training: dict[str, Any] | None = None,
     evaluation: dict[str, Any] | None = None,
     warm_start: dict[str, Any] | None = None,
+    levelled: bool = False,
 ) -> Manifest:
     """Write policy, critic and, for tactile agents, estimator weights, then agent.json and README.md.
 
@@ -50,6 +51,7 @@ def export_agent(
         algorithm="ppo",
         steps=learner.num_timesteps,
         hours=round(hours, 4),
+        levelled=levelled,
         warm_start=warm_start,
         layout=learner.input_layout.terms,
         task=config.task.model_dump(mode="json"),

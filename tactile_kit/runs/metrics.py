@@ -29,7 +29,7 @@ class Tracker(BaseCallback):
 
     def __init__(self, num_envs: int = 1) -> None:
         super().__init__()
-        self.episodes = 0
+        self.episodes = self.successes = 0
         self._length = max(WINDOW, 2 * num_envs)
         self.window: dict[str, deque[float]] = {
             name: deque(maxlen=self._length)
@@ -42,6 +42,7 @@ class Tracker(BaseCallback):
         infos = self.locals["infos"]
         for environment in np.flatnonzero(self.locals["dones"]).tolist():
             self.episodes += 1
+            self.successes += bool(infos[environment]["success"])
             self._add(infos[environment])
         transition = self.locals["env"].transition
         for name, values in transition.reward_terms.items():
@@ -89,6 +90,7 @@ class Tracker(BaseCallback):
         windows = {name: list(values) for name, values in self.window.items()}
         return {
             "episodes": self.episodes,
+            "successes": self.successes,
             "window": windows,
             "terms": self._terms,
             "term_steps": self._term_steps,
@@ -96,7 +98,7 @@ class Tracker(BaseCallback):
 
     def restore(self, state: dict[str, Any]) -> None:
         """Inverse of :meth:`state`."""
-        self.episodes = state["episodes"]
+        self.episodes, self.successes = state["episodes"], state["successes"]
         for name, values in state["window"].items():
             self.window[name] = deque(values, maxlen=self._length)
         self._terms, self._term_steps = dict(state["terms"]), state["term_steps"]

@@ -11,6 +11,7 @@ import torch
 
 from tactile_kit.agents.state import pack, unpack
 from tactile_kit.runs import checkpoint as checkpoints
+from tactile_kit.runs.calm import Calm
 from tactile_kit.runs.config import RunConfig
 from tactile_kit.runs.directory import versions
 from tactile_kit.runs.errors import CheckpointError
@@ -33,8 +34,17 @@ class Run:
     line: dict[str, Any] = field(default_factory=dict)  # the last line of metrics
     logged: int = 0  # environment steps at that line
     gravity: float | None = None  # last told to the environment
+    calm: Calm = field(init=False)
     climbed: int = 0  # environment steps that count for the gravity curriculum
     seen: int = 0  # environment steps when they were counted last
+
+    def __post_init__(self) -> None:
+        self.calm = Calm(self.config.calm)
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing is left to train: the steps are done, or success has levelled off for good."""
+        return self.calm.over or self.learner.num_timesteps >= self.config.steps
 
     def save(self) -> None:
         """A checkpoint of everything, then the exported agent. Raises OSError."""
@@ -51,6 +61,7 @@ class Run:
             "logged": self.logged,
             "climbed": self.climbed,
             "seen": self.seen,
+            "calm": self.calm.state(),
             "torch_rng": torch.get_rng_state().tolist(),
         }
         tensors = {f"learner/{name}": tensor for name, tensor in tensors.items()}
@@ -71,6 +82,7 @@ class Run:
             training=self.line,
             evaluation=self.evaluation,
             warm_start=self.warm_start,
+            levelled=self.calm.over,
         )
 
     def restore(self, saved: checkpoints.Checkpoint) -> None:
@@ -83,16 +95,24 @@ class Run:
                 arrays = {name: tensor.numpy() for name, tensor in unpack("env", saved.tensors).items()}
                 self.env.set_state({**arrays, **values["env"]})
             torch.set_rng_state(torch.tensor(values["torch_rng"], dtype=torch.uint8))
-            for name in ("hours", "warm_start", "evaluation", "line", "logged"):
+            for name in ("hours", "warm_start", "evaluation", "line", "logged", "climbed", "seen"):
                 setattr(self, name, values[name])
-            # checkpoints from before curricula waited counted every step
-            self.climbed = values.get("climbed", self.learner.num_timesteps)
-            self.seen = values.get("seen", self.learner.num_timesteps)
+            self.calm.restore(values["calm"])
         except (KeyError, TypeError, ValueError, RuntimeError) as problem:
             raise CheckpointError(f"{saved.path}: does not fit this run: {problem}") from problem
 
-    def apply_gravity(self) -> None:
-        """Gravity of the curriculum at the present step, for the episodes to come."""
+    def steer(self) -> None:
+        """Gravity and noise as what was measured so far asks for them, for the episodes to come."""
+        self._apply_gravity()
+        rho, settled = getattr(self.env, "rho", 0.0), self.gravity == self.config.gravity.end
+        settled = settled and self.learner.leads and not rho
+        self.calm.look(settled, self.learner.num_timesteps, self.tracker.episodes, self.tracker.successes)
+        if self.calm.log_std is not None:
+            self.learner.log_std = self.calm.log_std
+        if hasattr(self.env, "slow"):
+            self.env.slow(self.calm.slowed)
+
+    def _apply_gravity(self) -> None:
         step = self.learner.num_timesteps
         self.climbed = self.config.gravity.after(self.climbed, step - self.seen, self.tracker.drops)
         self.seen = step
@@ -107,7 +127,7 @@ class Run:
         A physics engine's inner state cannot be saved, so every checkpoint is a boundary between episodes, for the run
         that goes on as for one that resumes: both continue with the same episodes.
         """
-        self.apply_gravity()
+        self.steer()
         learner = self.learner
         learner._last_obs = self.env.reset()
         learner._last_episode_starts = np.ones(self.env.num_envs, dtype=bool)

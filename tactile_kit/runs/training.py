@@ -58,7 +58,7 @@ def train(
         saved, messages = checkpoints.newest(directory / "checkpoints")
         if saved is not None:
             _check_resume(config, saved, directory, resume)
-            done = saved.step >= config.steps and finished(directory)
+            done = finished(directory) and (saved.step >= config.steps or _levelled(directory))
             if done and not _evaluation_due(config, directory, saved.step):
                 return directory
         torch.set_num_threads(1)  # the learner divides batches, not operations
@@ -110,12 +110,16 @@ def _torch_left_alone() -> Iterator[None]:
 
 
 def finished(directory: str | Path) -> bool:
-    """Whether a run has reached the steps of its own config.yaml."""
+    """Whether a run has reached the steps of its own config.yaml, or levelled off before."""
     directory = Path(directory)
     if not (directory / "agent.json").exists() or not (directory / "config.yaml").exists():
         return False
     config = RunConfig.from_yaml(directory / "config.yaml")
-    return int(read_json(directory / "agent.json")["steps"]) >= config.steps
+    return _levelled(directory) or int(read_json(directory / "agent.json")["steps"]) >= config.steps
+
+
+def _levelled(directory: Path) -> bool:
+    return bool(read_json(directory / "agent.json").get("levelled"))
 
 
 def _evaluation_due(config: RunConfig, directory: Path, step: int) -> bool:
@@ -178,8 +182,10 @@ def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
     last_evaluation = time.monotonic()
     line_time, line_step = time.monotonic(), learner.num_timesteps
     with _signals() as stop:
-        while learner.num_timesteps < config.steps and not stop.is_set():
-            run.apply_gravity()
+        while not stop.is_set():
+            run.steer()
+            if run.over:
+                break
             learner.iterate(run.tracker)
             run.hours = before + (time.monotonic() - begin - pause) / 3600
             step, now = learner.num_timesteps, time.monotonic()
@@ -209,16 +215,18 @@ def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
             run.save()
         else:
             run.export()  # a kill may have come between the last checkpoint and its export
-        if stop.is_set():
+        if run.calm.over:
+            progress.say(f"success has levelled off; over at {learner.num_timesteps:,} steps")
+        elif stop.is_set():
             progress.say(f"stopped at {learner.num_timesteps:,} steps; run again to continue")
-        elif _evaluation_due(config, run.directory, learner.num_timesteps):
+        if run.over and _evaluation_due(config, run.directory, learner.num_timesteps):
             _evaluate(run, metrics, progress)
             run.export()
 
 
 def _line(run: Run, rate: float) -> dict[str, Any]:
     line = {"step": run.learner.num_timesteps, "hours": round(run.hours, 5), **run.tracker.metrics()}
-    line |= {"steps_per_second": round(rate, 1), "gravity": run.gravity}
+    line |= {"steps_per_second": round(rate, 1), "gravity": run.gravity, "level": run.calm.level}
     if hasattr(run.env, "metrics"):
         line |= run.env.metrics()
     return line | run.learner.metrics()

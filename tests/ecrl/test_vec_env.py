@@ -130,10 +130,13 @@ def test_the_terminal_observation_has_one_more_update(build) -> None:
 
 def test_training_on_the_way(build) -> None:
     env = build()
+    env.slow(0.5)
     before = [value.clone() for value in env.estimator.parameters()]
     run(env, 9)
     assert env.coupling.iteration == 2
-    assert env.metrics()["estimator/iteration"] == 2.0
+    metrics = env.metrics()
+    assert metrics["estimator/iteration"] == 2.0
+    assert metrics["estimator/rate"] == pytest.approx(env.estimator.config.learning_rate / 2)
     assert any(not torch.equal(a, b) for a, b in zip(before, env.estimator.parameters(), strict=True))
     started = torch.cat([part.started for part in env.coupling.memory.recent])
     assert started[0].all()

@@ -29,9 +29,9 @@ def test_the_paper_preset_is_the_papers() -> None:
     assert (config.num_envs, config.ppo.minibatch) == (4096, 2**15)
     assert (config.ppo.kl_threshold, config.ppo.clip, config.ppo.entropy) == (0.016, 0.2, 1e-3)
     assert (config.ppo.gamma, config.ppo.gae_lambda, config.ppo.critic_coefficient) == (0.99, 0.95, 4.0)
-    assert (config.ppo.noise_correlation, config.ppo.calm_from, config.ppo.critic_learning_rate) == (
+    assert (config.ppo.noise_correlation, config.calm.log_std, config.ppo.critic_learning_rate) == (
         0,
-        None,
+        (),
         None,
     )
     layers = NetworkConfig(hidden=(512, 512, 256, 128), activation="elu", dense=True)
