@@ -117,7 +117,8 @@ def is_made(episodes: str) -> bool:
 
 @dataclass(frozen=True)
 class Curve:
-    """A run's training metrics: environment steps (N,) and success rates (N,), as logged."""
+    """A run's success rates (N,) after environment steps (N,): without noise, held out, where the run measured that,
+    else of training's own episodes."""
 
     run: str
     steps: tuple[int, ...]
@@ -217,12 +218,11 @@ def _coupled_steps(manifest: dict[str, Any]) -> int:
 
 
 def read_curve(run: str, path: Path) -> Curve:
-    """The training lines of a metrics.jsonl (those of held-out evaluations are another matter and left out).
+    """The curve in a metrics.jsonl: of its held-out points in the compiled physics where it has any, else of training.
 
-    Raises ``ReproduceError`` naming file, line and value.
+    Evaluations in Bullet are another matter and left out. Raises ``ReproduceError`` naming file, line and value.
     """
-    steps: list[int] = []
-    success: list[float] = []
+    found: dict[str, list[tuple[int, float]]] = {"held_out/success": [], "success": []}
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except FileNotFoundError:
@@ -232,15 +232,21 @@ def read_curve(run: str, path: Path) -> Curve:
             entry = json.loads(line)
         except json.JSONDecodeError as error:
             raise ReproduceError(f"{path}, line {number}: not valid JSON: {error}") from None
-        if entry.get("evaluation") or entry.get("success") is None:
+        if entry.get("evaluation"):
             continue
-        step, rate = entry.get("step"), entry["success"]
-        if not isinstance(step, int) or step < 0 or (steps and step < steps[-1]):
-            raise ReproduceError(
-                f"{path}, line {number}: step = {step!r}; allowed are integers that never fall"
-            )
-        if not isinstance(rate, (int, float)) or not 0 <= rate <= 1:
-            raise ReproduceError(f"{path}, line {number}: success = {rate!r}; allowed are numbers in [0, 1]")
-        steps.append(step)
-        success.append(float(rate))
-    return Curve(run, tuple(steps), tuple(success))
+        for name, points in found.items():
+            if entry.get(name) is not None:
+                points.append(_point(entry, name, points, f"{path}, line {number}"))
+    points = found["held_out/success"] or found["success"]
+    return Curve(run, tuple(step for step, _ in points), tuple(rate for _, rate in points))
+
+
+def _point(
+    entry: dict[str, Any], name: str, before: Sequence[tuple[int, float]], place: str
+) -> tuple[int, float]:
+    step, rate = entry.get("step"), entry[name]
+    if not isinstance(step, int) or step < 0 or (before and step < before[-1][0]):
+        raise ReproduceError(f"{place}: step = {step!r}; allowed are integers that never fall")
+    if not isinstance(rate, (int, float)) or not 0 <= rate <= 1:
+        raise ReproduceError(f"{place}: {name} = {rate!r}; allowed are numbers in [0, 1]")
+    return step, float(rate)

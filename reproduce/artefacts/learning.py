@@ -55,12 +55,12 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
             axes.legend(
                 fontsize=7, title=title, title_fontsize=7, columnspacing=1.0, handlelength=1.2, **place
             )
-    panels[0].set_ylabel("success rate in training, smoothed")
+    panels[0].set_ylabel("success rate")
     footnote(
         made,
-        f"Scale {results.scale}. Line: mean over seeds (their number in brackets); band: smallest to largest"
-        " seed. The paper shows three seeds a line,"
-        " and its curves as a picture only.",
+        f"Scale {results.scale}. Success without noise at full gravity, on goals held out (compiled physics), where a"
+        " run measured that; else in training, smoothed. Line: mean over seeds (their number in brackets); band:"
+        " smallest to largest seed. The paper shows three seeds a line, and its curves as a picture only.",
     )
     save(made, outputs)
     write_cells(outputs[2], cells)

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from randomization import STANDARD_GRAVITY, derive
+from randomization import derive
+from tactile_kit.evaluation.compiled import compiled_task
 from tactile_kit.evaluation.errors import EvaluationError
 from tactile_kit.evaluation.schedule import HORIZON
 from tactile_kit.task.rotations import geodesic
@@ -108,16 +109,9 @@ def follow(
     """
     if agent.estimator is None:
         raise EvaluationError(f"{agent.directory}: an {agent.kind} has no estimator")
-    changes = {
-        "objects": objects,
-        "scaling": "nominal",
-        "randomization": "default",
-        "gravity": STANDARD_GRAVITY,
-        "horizon": HORIZON,
-        "simulation": {**agent.task.simulation.model_dump(), "engine": "compiled"},
-    }
-    task = type(agent.task)(**{**agent.task.model_dump(), **changes})
-    env = agent.make_env(task, episodes, threads, derive(seed, "evaluation", "estimates"))
+    env = agent.make_env(
+        compiled_task(agent, objects), episodes, threads, derive(seed, "evaluation", "estimates")
+    )
     try:
         return _played(agent, env, truth)
     finally:

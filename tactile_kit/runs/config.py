@@ -59,6 +59,12 @@ class EvaluationConfig(Settings):
 
     minutes: float = Field(30.0, ge=0, description="Between evaluations; 0: none.")
     at_end: bool = Field(False, description="Evaluate the finished agent too.")
+    steps: int = Field(
+        0,
+        ge=0,
+        description="Every so many environment steps success without noise in the compiled physics, too; 0: never.",
+    )
+    episodes: PositiveInt = Field(512, description="Episodes behind each of these points.")
     objects: str | None = Field(None, description="Object set; None: the training objects.")
     episodes_per_goal: PositiveInt = 1
     num_envs: PositiveInt = 32

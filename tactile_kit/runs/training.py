@@ -186,6 +186,7 @@ def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
             run.steer()
             if run.over:
                 break
+            begun = learner.num_timesteps
             learner.iterate(run.tracker)
             run.hours = before + (time.monotonic() - begin - pause) / 3600
             step, now = learner.num_timesteps, time.monotonic()
@@ -211,6 +212,9 @@ def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
             if minutes and now - last_evaluation >= minutes * 60 and step < config.steps:
                 pause += _evaluate(run, metrics, progress)
                 last_evaluation = time.monotonic()
+            every = config.evaluation.steps
+            if every and step // every > begun // every:
+                pause += _look(run, metrics)
         if learner.num_timesteps > last_save_step:
             run.save()
         else:
@@ -264,6 +268,20 @@ def _evaluate(run: Run, metrics: MetricsFile, progress: Progress) -> float:
     }
     metrics.write(run.evaluation)
     progress.say(f"evaluation: success rate {successes / len(rows):.3f} over {len(rows)} episodes")
+    return time.monotonic() - begin
+
+
+def _look(run: Run, metrics: MetricsFile) -> float:
+    """A point of the held-out curve, in the compiled physics; returns the seconds it took."""
+    from tactile_kit.agents.agent import load_agent
+    from tactile_kit.evaluation.compiled import held_out
+
+    config, begin = run.config, time.monotonic()
+    run.export()
+    agent, objects = load_agent(run.directory), config.evaluation.objects or config.objects
+    found = held_out(agent, objects, config.evaluation.episodes, seed=config.seed, threads=config.num_workers)
+    line = {f"held_out/{name}": value for name, value in found._asdict().items()}
+    metrics.write({"step": run.learner.num_timesteps, "hours": round(run.hours, 5), **line})
     return time.monotonic() - begin
 
 

@@ -193,6 +193,14 @@ def test_bad_metrics_are_refused_with_file_and_line(tmp_path, line, word):
     assert str(path) in str(error.value) and word in str(error.value)
 
 
+def test_a_curve_is_of_held_out_points_where_there_are_any(tmp_path):
+    path = tmp_path / "metrics.jsonl"
+    path.write_text(
+        '{"step": 1, "success": 0.5}\n{"step": 2, "held_out/success": 0.9}\n{"step": 3, "success": 0.6}\n'
+    )
+    assert read_curve("run", path) == Curve("run", (2,), (0.9,))
+
+
 def test_held_out_lines_are_no_training_points(tmp_path):
     path = tmp_path / "metrics.jsonl"
     path.write_text(

@@ -1,0 +1,62 @@
+"""How well an agent does without noise, in seconds: in the compiled physics, for curves of a training.
+
+For development and for curves. What is reported of an agent is measured in Bullet.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from randomization import STANDARD_GRAVITY, derive
+from tactile_kit.evaluation.schedule import HORIZON
+
+
+class Held(NamedTuple):
+    """What became of an agent's episodes: shares of all; mean final angle (rad) of those held, None for none."""
+
+    episodes: int
+    success: float
+    drops: float
+    theta: float | None
+
+
+def held_out(agent: Any, objects: str, episodes: int = 512, *, seed: int = 0, threads: int = 1) -> Held:
+    """Play one episode in each of ``episodes`` environments: random goals, objects of nominal size in turn, full
+    gravity, default randomisation, the policy without noise and, of a tactile agent, told its estimate.
+
+    Args:
+        agent: what ``tactile_kit.load_agent`` returns. seed: of the episodes; apart from training's.
+    """
+    seed = derive(seed, "evaluation", "held-out")
+    env = agent.make_env(compiled_task(agent, objects), episodes, threads, seed)
+    try:
+        observation, playing, infos = env.reset(), np.ones(episodes, bool), {}
+        while playing.any():
+            observation, _, done, told = env.step(agent.act(observation))
+            infos |= {i: told[i] for i in np.flatnonzero(done & playing)}
+            playing &= ~done
+    finally:
+        env.close()
+    ended = infos.values()
+    angles = [info["theta"] for info in ended if not info["drop"] and info.get("fault") is None]
+    lost = sum(bool(info["drop"] or info.get("fault") is not None) for info in ended)
+    success = sum(bool(info["success"]) for info in ended)
+    theta = float(np.mean(angles)) if angles else None
+    return Held(episodes, success / episodes, lost / episodes, theta)
+
+
+def compiled_task(agent: Any, objects: str) -> Any:
+    """The agent's task at full gravity and default randomisation in the compiled physics, at nominal sizes."""
+    changes = {
+        "objects": objects,
+        "scaling": "nominal",
+        "randomization": "default",
+        "gravity": STANDARD_GRAVITY,
+        "goals": "so3",
+        "horizon": HORIZON,
+        "grasp_spread": 0.0,
+        "simulation": {**agent.task.simulation.model_dump(), "engine": "compiled"},
+    }
+    return type(agent.task)(**{**agent.task.model_dump(), **changes})
