@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -26,7 +25,6 @@ SETS: dict[str, dict[str, str]] = {  # what an object set of a run name means (p
     "cuboids": {"objects": "cube", "scaling": "random"},
     "geometric8": {"objects": "geometric8", "scaling": "random"},
 }
-ENCODINGS = ("vec_bps", "bps", "pointnet", "pos_rot", "mesh", "pos", "none")
 VARIATIONS: dict[str, dict[str, Any]] = {  # settings of runs whose variant ends so
     # Table II: no sigma input to the policy; no gradient through the BPS
     "nosigma": {"task.sigma_in_observation": False},
@@ -34,20 +32,25 @@ VARIATIONS: dict[str, dict[str, Any]] = {  # settings of runs whose variant ends
     # beside the paper: the cell that looks from the fingers, and its loss
     "fingers": {"estimator.cell": "fingers", "estimator.loss": "pose"},
 }
-VARIANTS = (*ENCODINGS, *(f"vec_bps_{variation}" for variation in VARIATIONS))
 
 
-def _one_of(names: Iterable[str]) -> AfterValidator:
-    def check(name: str) -> str:
-        if name not in names:
-            raise ValueError(f"unknown{nearest(name, names)}")
-        return name
+def _variant(name: str) -> str:
+    from tactile_kit.shape import names
 
-    return AfterValidator(check)
+    if split_variant(name)[0] not in names():
+        varied = [f"{encoding}_{variation}" for encoding in names() for variation in VARIATIONS]
+        raise ValueError(f"unknown{nearest(name, [*names(), *varied])}")
+    return name
 
 
-Variant = Annotated[str, _one_of(VARIANTS)]
-SetName = Annotated[str, _one_of(SETS)]
+def _set(name: str) -> str:
+    if name not in SETS:
+        raise ValueError(f"unknown{nearest(name, SETS)}")
+    return name
+
+
+Variant = Annotated[str, AfterValidator(_variant)]
+SetName = Annotated[str, AfterValidator(_set)]
 
 
 def split_variant(variant: str) -> tuple[str, str]:

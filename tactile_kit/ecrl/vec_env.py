@@ -94,9 +94,9 @@ class TactileVecEnv(ReorientVecEnv):
         name = settings.encoding or self.config.encoding
         shape = self.encoding if name == self.config.encoding else encoding(name, self.meshes)
         cell = estimator if isinstance(estimator, EstimatorCell) else new_cell(settings, shape, seed)
-        if cell.shape_name != name:
+        if cell.shape.name != name:
             raise EstimatorError(
-                f"the estimator reads encoding {cell.shape_name!r}, the task and settings say {name!r}"
+                f"the estimator reads encoding {cell.shape.name!r}, the task and settings say {name!r}"
             )
         trainer = EstimatorTrainer(cell, shape, encoding("bps", self.meshes), seed)
         return Coupling(cell, shape, trainer, ecrl, self.num_envs, seed)

@@ -182,7 +182,7 @@ def test_state_moves_to_another_environment(build) -> None:
 def test_the_estimators_encoding_may_differ_from_the_policys(build, name: str) -> None:
     env = build(estimator=TINY.model_copy(update={"encoding": name}))
     run(env, 5)
-    assert env.estimator.shape_name == name
+    assert env.estimator.shape.name == name
     assert env.layout.sizes["shape"] == 192
     assert env.coupling.iteration == 1
 
