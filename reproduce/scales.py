@@ -7,16 +7,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
-    ConfigDict,
     Field,
     NonNegativeInt,
     PositiveInt,
     ValidationError,
 )
 
-from reproduce.errors import ScaleError, nearest
+from reproduce.errors import ScaleError
 from reproduce.files import read_yaml
+from tactile_kit.errors import nearest
+from tactile_kit.settings import Settings, explain
 
 FOLDER = Path(__file__).parent / "scales"
 
@@ -59,13 +59,7 @@ def split_variant(variant: str) -> tuple[str, str]:
     return (variant.removesuffix(f"_{variation}") if variation else variant), variation
 
 
-class Part(BaseModel):
-    """Frozen; unknown keys are refused."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class RunGroup(Part):
+class RunGroup(Settings):
     """A grid of runs that share a preset. A run's name is ``<kind>-<variant>-<set>-s<seed>``."""
 
     kind: Literal["oracle", "tactile"]
@@ -81,7 +75,7 @@ class RunGroup(Part):
     together: bool = Field(False, description="Train all runs of the group one after another in one process.")
 
 
-class EvaluationGroup(Part):
+class EvaluationGroup(Settings):
     """One evaluation of several runs, at the sizes of this scale."""
 
     name: Literal["nominal", "complex", "extent-true", "extent-fixed", "confusion", "kalman"]
@@ -102,7 +96,7 @@ class EvaluationGroup(Part):
     )
 
 
-class Scale(Part):
+class Scale(Settings):
     """One scale of the whole pipeline."""
 
     name: str
@@ -138,24 +132,10 @@ def parse_scale(content: Any, source: str) -> Scale:
     try:
         scale = Scale.model_validate(content)
     except ValidationError as error:
-        raise ScaleError(f"{source}: {_explain(error)}") from None
+        raise ScaleError(f"{source}: {explain(error)}") from None
     for group in scale.runs:
         if group.preset not in scale.presets:
             raise ScaleError(
                 f"{source}: runs: preset {group.preset!r} unknown{nearest(group.preset, scale.presets)}"
             )
     return scale
-
-
-def _explain(error: ValidationError) -> str:
-    lines = []
-    for problem in error.errors():
-        place = ".".join(map(str, problem["loc"]))
-        if problem["type"] == "extra_forbidden":
-            key = str(problem["loc"][-1])
-            parts: dict[str, type[Part]] = {"runs": RunGroup, "evaluations": EvaluationGroup}
-            model = parts.get(str(problem["loc"][0]), Scale)
-            lines.append(f"{place}: unknown key{nearest(key, model.model_fields)}")
-        else:
-            lines.append(f"{place} = {problem.get('input')!r}: {problem['msg']}")
-    return "; ".join(lines)

@@ -13,10 +13,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from tactile_kit.agents.errors import AgentError
-from tactile_kit.agents.files import read_tensors
 from tactile_kit.agents.manifest import Manifest, PolicyNetwork, read_manifest
 from tactile_kit.agents.networks import GaussianPolicy, InputLayout, ObservationFeatures
+from tactile_kit.errors import AgentError
+from tactile_kit.files import read_tensors
+from tactile_kit.settings import explain
 
 if TYPE_CHECKING:
     from tactile_kit.task.config import TaskConfig
@@ -131,7 +132,7 @@ def load_agent(directory: str | Path) -> Agent:
     try:
         task = TaskConfig(**manifest.task)
     except ValidationError as problem:
-        raise AgentError(f"{directory / 'agent.json'}: task: {problem}") from None
+        raise AgentError(f"{directory / 'agent.json'}: task: {explain(problem)}") from None
     layout = InputLayout.of_encoding(manifest.layout, kind_of(manifest.encoding))
     policy = build_policy(layout, manifest.network)
     fill(
@@ -183,7 +184,7 @@ def load_estimator(directory: Path, manifest: Manifest):
     try:
         config = EstimatorConfig(**manifest.estimator)
     except ValidationError as problem:
-        raise AgentError(f"{directory / 'agent.json'}: estimator: {problem}") from None
+        raise AgentError(f"{directory / 'agent.json'}: estimator: {explain(problem)}") from None
     with torch.random.fork_rng(devices=[]):
         try:
             cell = cell_of(config, kind_of(config.encoding or manifest.encoding))

@@ -12,10 +12,10 @@ import torch
 from torch import Tensor, nn
 
 from tactile_kit.agents.agent import load_estimator
-from tactile_kit.agents.errors import AgentError
-from tactile_kit.agents.files import read_tensors
 from tactile_kit.agents.manifest import Manifest, read_manifest
 from tactile_kit.agents.networks import InputLayout
+from tactile_kit.errors import AgentError
+from tactile_kit.files import read_tensors
 from tactile_kit.shape import kind_of
 
 Terms = tuple[tuple[str, int], ...]

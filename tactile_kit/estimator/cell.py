@@ -15,8 +15,8 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from tactile_kit.errors import EstimatorError
 from tactile_kit.estimator.config import EstimatorConfig
-from tactile_kit.estimator.errors import EstimatorError
 from tactile_kit.estimator.state import EstimatorState
 from tactile_kit.estimator.step import LENGTH_SCALE
 from tactile_kit.shape import Encoding

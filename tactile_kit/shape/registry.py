@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from importlib.metadata import entry_points
 
+from tactile_kit.errors import nearest
 from tactile_kit.shape.base import Encoding
 from tactile_kit.shape.bps import BPS
 from tactile_kit.shape.mesh import Mesh
@@ -41,8 +41,7 @@ def kind_of(name: str) -> type[Encoding]:
                     f"encoding {name!r} ({point.value}) has name {getattr(kind, 'name', None)!r}"
                 )
             return kind
-    nearest = difflib.get_close_matches(str(name), names(), n=1, cutoff=0)
-    raise ValueError(f"unknown encoding {name!r}: did you mean {nearest[0]!r}? Allowed: {', '.join(names())}")
+    raise ValueError(f"unknown encoding {name!r}{nearest(name, names())}")
 
 
 def encoding(name: str, meshes: MeshTable) -> Encoding:

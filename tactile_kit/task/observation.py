@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from tactile_kit.rotations import to_6d
 from tactile_kit.shape import Encoding
 from tactile_kit.simulation.config import SAMPLES
-from tactile_kit.task.rotations import to_6d
 
 JOINTS_SIZE = SAMPLES * 2 * 12
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from tactile_kit.hand.kinematics import JOINTS
+from tactile_kit.rotations import geodesic
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.simulation.vector import VectorSimulation
 from tactile_kit.task.actions import checked, for_simulator
@@ -23,7 +24,6 @@ from tactile_kit.task.core import Core
 from tactile_kit.task.goals import EpisodeSpec, training_episodes
 from tactile_kit.task.observation import Belief
 from tactile_kit.task.reward import terms_of_angles
-from tactile_kit.task.rotations import geodesic
 from tactile_kit.task.state import EpisodeResult, State, Transition
 from tactile_kit.task.variants import Variants, prepare
 

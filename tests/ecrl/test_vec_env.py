@@ -11,10 +11,10 @@ from estimator_cases import TINY
 
 from tactile_kit.ecrl import ECRLConfig, TactileVecEnv
 from tactile_kit.estimator import EstimatorCell, EstimatorConfig, EstimatorError, KalmanFilter, Rest, new_cell
+from tactile_kit.rotations import octahedral, to_6d
 from tactile_kit.shape import ENCODINGS
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.goals import EpisodeSpec
-from tactile_kit.task.rotations import octahedral, to_6d
 from tactile_kit.task.variants import Variants, prepare
 from tactile_kit.task.vec_env import ReorientVecEnv
 

@@ -12,6 +12,7 @@ from hypothesis.extra.numpy import arrays
 
 import object_sets
 from tactile_kit.hand import kinematics
+from tactile_kit.rotations import octahedral, random_rotations, to_6d
 from tactile_kit.shape import ENCODINGS, MeshTable, encoding
 from tactile_kit.task.actions import ActionError
 from tactile_kit.task.config import RewardConfig
@@ -19,7 +20,6 @@ from tactile_kit.task.env import ReorientEnv
 from tactile_kit.task.goals import EpisodeSpec
 from tactile_kit.task.observation import Belief, Observer, layout_of
 from tactile_kit.task.reward import reward_terms
-from tactile_kit.task.rotations import octahedral, random_rotations, to_6d
 
 OBJECTS = tuple(object_sets.load("all"))
 seeds = st.integers(0, 2**32 - 1)
