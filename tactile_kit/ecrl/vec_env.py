@@ -20,7 +20,7 @@ from tactile_kit.estimator.cells import new_cell
 from tactile_kit.estimator.config import EstimatorConfig
 from tactile_kit.estimator.trainer import EstimatorTrainer
 from tactile_kit.rotations import geodesic
-from tactile_kit.shape import encoding
+from tactile_kit.shape import BPS, encoding
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.goals import EpisodeSpec
@@ -98,7 +98,7 @@ class TactileVecEnv(ReorientVecEnv):
             raise EstimatorError(
                 f"the estimator reads encoding {cell.shape.name!r}, the task and settings say {name!r}"
             )
-        trainer = EstimatorTrainer(cell, shape, encoding("bps", self.meshes), seed)
+        trainer = EstimatorTrainer(cell, shape, BPS(self.meshes), seed)
         return Coupling(cell, shape, trainer, ecrl, self.num_envs, seed)
 
     @property
