@@ -19,6 +19,7 @@ import object_sets
 import randomization
 from tactile_kit.evaluation.intervals import wilson
 from tactile_kit.hand import kinematics
+from tactile_kit.rotations import geodesic
 from tactile_kit.shape import MeshTable
 from tactile_kit.simulation.banks import grasps_of
 from tactile_kit.simulation.bodies import Body
@@ -26,7 +27,6 @@ from tactile_kit.simulation.compiled import CompiledSimulation
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Status
 from tactile_kit.simulation.vector import Blueprint, VectorSimulation
-from tactile_kit.task.rotations import geodesic
 
 STEPS = 30  # control steps
 WALK = 0.06  # rad a joint and control step

@@ -25,13 +25,13 @@ import randomization
 from tactile_kit.agents import load_agent
 from tactile_kit.evaluation.intervals import wilson
 from tactile_kit.evaluation.schedule import HORIZON, STEPS_PER_SECOND, evaluation_task
+from tactile_kit.rotations import geodesic, octahedral
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import CONTROL_RATE, SimulationConfig
 from tactile_kit.simulation.simulator import dropped
 from tactile_kit.simulation.world import World
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.goals import EpisodeSpec
-from tactile_kit.task.rotations import geodesic, octahedral
 from tactile_kit.task.variants import Variants, prepare
 
 AGENT = ROOT / "results" / "agents" / "oracle-vec_bps-geometric8-s0"

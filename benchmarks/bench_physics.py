@@ -24,13 +24,13 @@ import randomization
 from tactile_kit.evaluation.intervals import wilson
 from tactile_kit.hand import kinematics
 from tactile_kit.hand.controller import finger_mass_matrices
+from tactile_kit.rotations import geodesic, random_rotations
 from tactile_kit.simulation.banks import grasps_of
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.grasps import GraspBank, try_grasp
 from tactile_kit.simulation.simulator import dropped
 from tactile_kit.simulation.world import Grasp, PhysicsFault, World
-from tactile_kit.task.rotations import geodesic, random_rotations
 
 RATES = (60, 120, 240, 480, 960)  # Hz; the last is the reference
 ITERATIONS = (20, 50, 100, 200)  # at 60 Hz

@@ -14,7 +14,7 @@ from randomization.distributions import (
     Uniform,
 )
 from randomization.errors import RandomizationError, SeedError
-from randomization.files import PRESETS, preset
+from randomization.files import PRESETS, preset, read_randomization, write_randomization
 from randomization.gravity import STANDARD_GRAVITY, GravitySchedule
 from randomization.sampling import Randomization, Term
 from randomization.streams import derive, stream
@@ -36,5 +36,7 @@ __all__ = [
     "Uniform",
     "derive",
     "preset",
+    "read_randomization",
     "stream",
+    "write_randomization",
 ]

@@ -58,7 +58,7 @@ def _shipped(name: str) -> Randomization:
 
 
 def read_randomization(path: str | Path) -> Randomization:
-    """See ``Randomization.from_yaml``."""
+    """Read an own file; ``RandomizationError`` names file, key, value and what is allowed."""
     path = Path(path)
     content = _validated(_File, _parse(path), path)
     quantities = _quantities()
@@ -75,7 +75,7 @@ def read_randomization(path: str | Path) -> Randomization:
 
 
 def write_randomization(randomization: Randomization, path: str | Path) -> None:
-    """See ``Randomization.to_yaml``."""
+    """Write all terms to a file that ``read_randomization`` reads back as an equal randomisation."""
     items = randomization.terms.items()
     terms = {name: {**_plain(term.distribution), "source": term.source} for name, term in items}
     text = yaml.safe_dump({"summary": randomization.summary, "terms": terms}, sort_keys=False, width=110)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -144,19 +143,6 @@ class Randomization:
             constant = Constant(array.item() if array.size == 1 else tuple(array.ravel().tolist()))
             fixed[name] = replace(fixed[name], distribution=constant, source="replayed")
         return Randomization(f"{self.name} (replayed)", fixed.values(), self.summary)
-
-    @classmethod
-    def from_yaml(cls, path: str | Path) -> Randomization:
-        """Read an own file; ``RandomizationError`` names file, key, value and what is allowed."""
-        from randomization.files import read_randomization
-
-        return read_randomization(path)
-
-    def to_yaml(self, path: str | Path) -> None:
-        """Write all terms to a file that ``from_yaml`` reads back as an equal randomisation."""
-        from randomization.files import write_randomization
-
-        write_randomization(self, path)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Randomization) and self._terms == other._terms

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
-
 
 class ReproduceError(ValueError):
     """Something asked of the pipeline that it can't do as asked."""
@@ -16,10 +13,3 @@ class ScaleError(ReproduceError):
 
 class BusyError(ReproduceError):
     """Another run is at work in the same output directory."""
-
-
-def nearest(name: object, valid: Iterable[str]) -> str:
-    """'; nearest valid name: X' or the list of valid names, to end an error message with."""
-    names = sorted(valid)
-    close = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
-    return f"; nearest valid name: {close[0]!r}" if close else f"; valid names: {', '.join(names)}"

@@ -8,21 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from reproduce.errors import ReproduceError
+from tactile_kit.files import write_atomically
 
 ROOT = Path(__file__).resolve().parent.parent  # the repository: where results/ and the shipped agents are
 
 
 def write_atomic(path: str | os.PathLike, content: str | bytes) -> Path:
     """Writes a file in one move: whoever sees the name sees the whole content. Parents are made."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    scratch = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        scratch.write_bytes(content.encode() if isinstance(content, str) else content)
-        os.replace(scratch, path)
-    finally:
-        scratch.unlink(missing_ok=True)
-    return path
+    write_atomically(Path(path), content.encode() if isinstance(content, str) else content)
+    return Path(path)
 
 
 def write_if_changed(path: str | os.PathLike, content: str) -> bool:

@@ -33,12 +33,6 @@ ABLATED = {  # Table II's rows
     "distances_only": "tactile-bps-geometric8",
 }
 ALIKE = 1.5  # ratio of environment steps up to which agents count as trained alike
-_SETS = ("cube", "cuboids", "geometric8")
-_LINES = ("vec_bps", "bps", "pointnet", "pos_rot", "pos", "none")
-CURVES = {
-    objects: (*_LINES, "mesh") if objects == "geometric8" else _LINES for objects in _SETS
-}  # Fig. 5's lines
-_CURVE_ROLES = tuple(f"oracle-{line}-{objects}" for objects in _SETS for line in CURVES[objects])
 
 _NOMINAL = {
     "table1": [(role, "nominal") for role in BENCHMARK],
@@ -52,21 +46,22 @@ _NOMINAL = {
 # Table I's columns that the paper has not
 _BESIDE = [(FINGERS, "nominal"), (TACTILE, KALMAN), (PLANNER, "nominal")]
 _ALL = list(dict.fromkeys(pair for pairs in _NOMINAL.values() for pair in pairs))
-# artefact -> (role, evaluation) pairs it reads; roles whose learning curves it reads
-NEEDS: dict[str, tuple[list[tuple[str, str]], tuple[str, ...]]] = {
-    **{name: (pairs, ()) for name, pairs in _NOMINAL.items()},
-    "table1": ([*_NOMINAL["table1"], *_BESIDE], ()),
-    "object_sets": ([], ()),
-    "learning": ([], _CURVE_ROLES),
-    "claims": (_ALL, _CURVE_ROLES),
-    "report": ([*_ALL, *_BESIDE], _CURVE_ROLES),
+# artefact -> (role, evaluation) pairs it reads; whether it reads the oracles' learning curves
+NEEDS: dict[str, tuple[list[tuple[str, str]], bool]] = {
+    **{name: (pairs, False) for name, pairs in _NOMINAL.items()},
+    "table1": ([*_NOMINAL["table1"], *_BESIDE], False),
+    "object_sets": ([], False),
+    "learning": ([], True),
+    "claims": (_ALL, True),
+    "report": ([*_ALL, *_BESIDE], True),
 }
 
 
 def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
     """The files ``artefact`` reads, as plain data: paths, and None where a file isn't there and won't be made."""
     pairs, curves = NEEDS[artefact]
-    roles = {role for role, _ in pairs} | set(curves)
+    roles = {role for role, _ in pairs}
+    lines = {run.name for run in plan.runs if curves and run.kind == "oracle" and run.curves}
     episodes: dict[str, str | None] = {}
     for evaluation in plan.evaluations:
         if (evaluation.run.role, evaluation.group.name) in pairs:
@@ -92,11 +87,11 @@ def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
                 "role": run.role,
                 "agent": str(run.directory / "agent.json") if plan.available(run) else None,
                 "metrics": str(run.directory / "metrics.jsonl")
-                if run.role in curves and run.curves and plan.has_curve(run)
+                if run.name in lines and plan.has_curve(run)
                 else None,
             }
             for run in plan.runs
-            if run.role in roles and (run.curves or run.role in {role for role, _ in pairs})
+            if run.role in roles or run.name in lines
         },
         "episodes": episodes,
         **cost,
@@ -200,6 +195,12 @@ class Results:
                 )
                 return f"not trained alike{what}: {said}"
         return ""
+
+    def lines(self, objects: str, expected: Sequence[str] = ()) -> list[str]:
+        """Encodings of the oracle runs on that object set: those expected, there or not, then any others."""
+        roles = (run["role"].split("-") for run in self.content["runs"].values())
+        others = (encoding for kind, encoding, name in roles if (kind, name) == ("oracle", objects))
+        return list(dict.fromkeys([*expected, *others]))
 
     def curves(self, role: str) -> list[Curve]:
         """Learning curves of the runs of that role that are there."""

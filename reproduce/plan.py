@@ -8,9 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from reproduce.errors import ScaleError, nearest
+from reproduce.errors import ScaleError
 from reproduce.files import ROOT
 from reproduce.scales import EvaluationGroup, RunGroup, Scale, split_variant
+from tactile_kit.errors import nearest
 
 FIGURES = ("object_sets", "learning", "violin", "success", "complex", "extent", "confusion")
 TABLES = ("table1", "table2")

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
-    ConfigDict,
     Field,
     NonNegativeInt,
     PositiveInt,
     ValidationError,
 )
 
-from reproduce.errors import ScaleError, nearest
+from reproduce.errors import ScaleError
 from reproduce.files import read_yaml
+from tactile_kit.errors import nearest
+from tactile_kit.settings import Settings, explain
 
 FOLDER = Path(__file__).parent / "scales"
 
@@ -26,7 +25,6 @@ SETS: dict[str, dict[str, str]] = {  # what an object set of a run name means (p
     "cuboids": {"objects": "cube", "scaling": "random"},
     "geometric8": {"objects": "geometric8", "scaling": "random"},
 }
-ENCODINGS = ("vec_bps", "bps", "pointnet", "pos_rot", "mesh", "pos", "none")
 VARIATIONS: dict[str, dict[str, Any]] = {  # settings of runs whose variant ends so
     # Table II: no sigma input to the policy; no gradient through the BPS
     "nosigma": {"task.sigma_in_observation": False},
@@ -34,20 +32,25 @@ VARIATIONS: dict[str, dict[str, Any]] = {  # settings of runs whose variant ends
     # beside the paper: the cell that looks from the fingers, and its loss
     "fingers": {"estimator.cell": "fingers", "estimator.loss": "pose"},
 }
-VARIANTS = (*ENCODINGS, *(f"vec_bps_{variation}" for variation in VARIATIONS))
 
 
-def _one_of(names: Iterable[str]) -> AfterValidator:
-    def check(name: str) -> str:
-        if name not in names:
-            raise ValueError(f"unknown{nearest(name, names)}")
-        return name
+def _variant(name: str) -> str:
+    from tactile_kit.shape import names
 
-    return AfterValidator(check)
+    if split_variant(name)[0] not in names():
+        varied = [f"{encoding}_{variation}" for encoding in names() for variation in VARIATIONS]
+        raise ValueError(f"unknown{nearest(name, [*names(), *varied])}")
+    return name
 
 
-Variant = Annotated[str, _one_of(VARIANTS)]
-SetName = Annotated[str, _one_of(SETS)]
+def _set(name: str) -> str:
+    if name not in SETS:
+        raise ValueError(f"unknown{nearest(name, SETS)}")
+    return name
+
+
+Variant = Annotated[str, AfterValidator(_variant)]
+SetName = Annotated[str, AfterValidator(_set)]
 
 
 def split_variant(variant: str) -> tuple[str, str]:
@@ -56,13 +59,7 @@ def split_variant(variant: str) -> tuple[str, str]:
     return (variant.removesuffix(f"_{variation}") if variation else variant), variation
 
 
-class Part(BaseModel):
-    """Frozen; unknown keys are refused."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class RunGroup(Part):
+class RunGroup(Settings):
     """A grid of runs that share a preset. A run's name is ``<kind>-<variant>-<set>-s<seed>``."""
 
     kind: Literal["oracle", "tactile"]
@@ -78,7 +75,7 @@ class RunGroup(Part):
     together: bool = Field(False, description="Train all runs of the group one after another in one process.")
 
 
-class EvaluationGroup(Part):
+class EvaluationGroup(Settings):
     """One evaluation of several runs, at the sizes of this scale."""
 
     name: Literal["nominal", "complex", "extent-true", "extent-fixed", "confusion", "kalman"]
@@ -99,7 +96,7 @@ class EvaluationGroup(Part):
     )
 
 
-class Scale(Part):
+class Scale(Settings):
     """One scale of the whole pipeline."""
 
     name: str
@@ -135,24 +132,10 @@ def parse_scale(content: Any, source: str) -> Scale:
     try:
         scale = Scale.model_validate(content)
     except ValidationError as error:
-        raise ScaleError(f"{source}: {_explain(error)}") from None
+        raise ScaleError(f"{source}: {explain(error)}") from None
     for group in scale.runs:
         if group.preset not in scale.presets:
             raise ScaleError(
                 f"{source}: runs: preset {group.preset!r} unknown{nearest(group.preset, scale.presets)}"
             )
     return scale
-
-
-def _explain(error: ValidationError) -> str:
-    lines = []
-    for problem in error.errors():
-        place = ".".join(map(str, problem["loc"]))
-        if problem["type"] == "extra_forbidden":
-            key = str(problem["loc"][-1])
-            parts: dict[str, type[Part]] = {"runs": RunGroup, "evaluations": EvaluationGroup}
-            model = parts.get(str(problem["loc"][0]), Scale)
-            lines.append(f"{place}: unknown key{nearest(key, model.model_fields)}")
-        else:
-            lines.append(f"{place} = {problem.get('input')!r}: {problem['msg']}")
-    return "; ".join(lines)

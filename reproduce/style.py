@@ -14,15 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ORACLE, TACTILE, GREY, PAPER = "#3b6fb6", "#e07b39", "#8a8f98", "#111111"
-LINES = {  # encodings of the learning curves: colour and label
-    "vec_bps": ("#c0392b", "VecBPS"),
-    "bps": ("#e07b39", "BPS"),
-    "pointnet": ("#3b6fb6", "PointNet"),
-    "pos_rot": ("#7d4fa8", "PosRot"),
-    "mesh": ("#1a9988", "Mesh"),
-    "pos": ("#5a9e3d", "Pos"),
-    "none": ("#555b66", "None"),
-}
+LINES = (  # colours of encodings in the order of their registry, again from the start when there are more
+    "#c0392b", "#e07b39", "#3b6fb6", "#7d4fa8", "#1a9988", "#5a9e3d", "#555b66", "#a3337f", "#8a6d1d", "#2a2f8f",
+)  # fmt: skip
 _SETTINGS = {
     "svg.hashsalt": "tactile_kit",  # element ids that don't change from run to run
     "font.family": "DejaVu Sans",  # comes with matplotlib, so the same everywhere
@@ -39,6 +33,13 @@ _SETTINGS = {
     "figure.dpi": 100,
     "savefig.dpi": 160,
 }
+
+
+def line_of(encoding: str) -> tuple[str, str]:
+    """(colour, label) of an encoding in the learning curves."""
+    from tactile_kit.shape import kind_of, names
+
+    return LINES[names().index(encoding) % len(LINES)], kind_of(encoding).label
 
 
 def figure(width: float, height: float, columns: int = 1, **options: object) -> tuple[Figure, Sequence[Axes]]:

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 from tactile_kit.agents.agent import load_agent
+from tactile_kit.errors import ViewError
 from tactile_kit.view.choice import HELD, Choice
-from tactile_kit.view.errors import ViewError
 
 
 def choice_of(

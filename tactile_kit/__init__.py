@@ -8,27 +8,24 @@ of them is used.
 from __future__ import annotations
 
 import os
-from importlib import import_module
 from pathlib import Path
-from typing import Any
+
+from tactile_kit.lazy import on_first_use
 
 __version__ = "0.1.0"
 
 _WAYS_IN = {
-    "make_vec": "tactile_kit.task.vec_env",
-    "load_agent": "tactile_kit.agents",
-    "evaluate": "tactile_kit.evaluation",
-    "TaskConfig": "tactile_kit.task.config",
+    "make_vec": ".task.vec_env",
+    "load_agent": ".agents",
+    "evaluate": ".evaluation",
+    "TaskConfig": ".task.config",
 }
 ENVIRONMENT = "tactile_kit/Reorient-v0"
 
 __all__ = ["ENVIRONMENT", "TaskConfig", "__version__", "evaluate", "load_agent", "make_vec", "register"]
 
 
-def __getattr__(name: str) -> Any:
-    if name in _WAYS_IN:
-        return getattr(import_module(_WAYS_IN[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = on_first_use(__name__, _WAYS_IN)
 
 
 def _place_compiled_code() -> None:

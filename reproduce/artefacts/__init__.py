@@ -6,8 +6,9 @@ import importlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from reproduce.errors import ReproduceError, nearest
+from reproduce.errors import ReproduceError
 from reproduce.inventory import NEEDS, Results
+from tactile_kit.errors import nearest
 
 
 def make(name: str, results: Results, outputs: Sequence[Path]) -> None:

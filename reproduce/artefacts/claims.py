@@ -7,7 +7,7 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from reproduce.claims.verdict import judge_all
+from reproduce.claims import judge_all
 from reproduce.files import write_atomic
 from reproduce.inventory import Results
 

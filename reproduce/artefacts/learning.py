@@ -10,13 +10,14 @@ import numpy as np
 
 import randomization
 from reproduce.cells import Cell, empty_cell, estimate_cell, paper_values, write_cells
-from reproduce.inventory import CURVES, Curve, Results
-from reproduce.style import LINES, figure, footnote, save, say_missing, short
+from reproduce.inventory import Curve, Results
+from reproduce.style import figure, footnote, line_of, save, say_missing, short
 from tactile_kit.evaluation.intervals import stratified_bootstrap
 from tactile_kit.evaluation.summary import Estimate
 
 GRID = 200  # points a curve is drawn with
 TAIL = 0.1  # the last tenth of training stands for "where the curve ends"
+CURVES: dict[str, list[str]] = {panel["set"]: panel["lines"] for panel in paper_values("learning")["panels"]}
 
 
 def make(results: Results, outputs: Sequence[Path]) -> None:
@@ -28,8 +29,9 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
         objects = panel["set"]
         missing = []
         longest = 0
-        for line in CURVES[objects]:
-            colour, label = LINES[line]
+        lines = results.lines(objects, panel["lines"])
+        for line in lines:
+            colour, label = line_of(line)
             curves = usable(results.curves(f"oracle-{line}-{objects}"))
             cells.append(_end_cell(objects, label, curves, results))
             if not curves:
@@ -46,7 +48,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
         axes.set_xlim(0, longest or 1)
         axes.locator_params(axis="x", nbins=5)
         axes.xaxis.set_major_formatter(lambda value, _: short(int(value)))
-        if missing and len(missing) == len(CURVES[objects]):
+        if missing and len(missing) == len(lines):
             said = "\n".join(textwrap.wrap(", ".join(missing), 28))
             say_missing(axes, f"no run of this object set;\nmissing:\n{said}")
         else:

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from reproduce.artefacts.learning import ends, usable
+from reproduce.artefacts.learning import CURVES, ends, usable
 from reproduce.cells import percent
 from reproduce.claims.verdict import CLEAR, LEARNED, NOT_REPRODUCED, REPRODUCED, NotMeasured, Test, Verdict
-from reproduce.inventory import CURVES, Results
-from reproduce.style import LINES
+from reproduce.inventory import Results
+from reproduce.style import line_of
 
 TOLERANCE = 0.02  # "at least as well": not more than two points of success behind
 BPS = ("vec_bps", "bps")
 
 
-def scores(results: Results, objects: str, lines: tuple[str, ...], seeds: int = 2) -> dict[str, np.ndarray]:
+def scores(results: Results, objects: str, lines: Sequence[str], seeds: int = 2) -> dict[str, np.ndarray]:
     """Scores (seeds,) of each line at the step that all of them have reached.
 
     ``NotMeasured`` where a line is missing, has fewer seeds than asked for, or nothing was learned by any.
     """
     curves = {line: usable(results.curves(f"oracle-{line}-{objects}")) for line in lines}
-    missing = [LINES[line][1] for line, found in curves.items() if not found]
+    missing = [line_of(line)[1] for line, found in curves.items() if not found]
     if missing:
         raise NotMeasured(f"missing on {objects}: {', '.join(missing)}", unit="seeds")
     last = min(curve.steps[-1] for found in curves.values() for curve in found)
@@ -36,7 +38,7 @@ def scores(results: Results, objects: str, lines: tuple[str, ...], seeds: int = 
 
 
 def said_scores(values: dict[str, np.ndarray]) -> str:
-    return ", ".join(f"{LINES[line][1]} {percent(value.mean(), 1)}" for line, value in values.items())
+    return ", ".join(f"{line_of(line)[1]} {percent(value.mean(), 1)}" for line, value in values.items())
 
 
 def _seeds(*values: dict[str, np.ndarray]) -> int:

@@ -10,10 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 from reproduce.cells import percent
-from reproduce.files import read_yaml
 from reproduce.inventory import Results
 from tactile_kit.evaluation.intervals import difference, wilson
 from tactile_kit.evaluation.rows import EpisodeRow
@@ -45,38 +43,6 @@ class NotMeasured(Exception):
 
 
 Test = Callable[[Results], Verdict]
-
-
-@dataclass(frozen=True)
-class Judged:
-    """A claim, its wording, the paper's figures and our verdict."""
-
-    number: int
-    claim: str
-    paper: str
-    verdict: Verdict
-
-
-def judge_all(results: Results) -> list[Judged]:
-    """All claims in order, tested on ``results``."""
-    from reproduce.claims.benchmark import TESTS as benchmark
-    from reproduce.claims.conditioning import TESTS as conditioning
-    from reproduce.claims.learning import TESTS as learning
-
-    tests = {**learning, **benchmark, **conditioning}
-    texts = read_yaml(Path(__file__).parents[1] / "paper_values" / "claims.yaml")["claims"]
-    return [
-        Judged(number, text["claim"], text["paper"], judge(tests[number], results))
-        for number, text in enumerate(texts, start=1)
-    ]
-
-
-def judge(test: Test, results: Results) -> Verdict:
-    """One claim; missing or thin data give ``not measured`` with the reason."""
-    try:
-        return test(results)
-    except NotMeasured as reason:
-        return Verdict(NOT_MEASURED, str(reason), reason.n, reason.unit)
 
 
 def needed(results: Results, role: str, evaluation: str) -> list[EpisodeRow]:

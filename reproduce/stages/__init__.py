@@ -7,10 +7,11 @@ import traceback
 from pathlib import Path
 
 from reproduce import owner
-from reproduce.errors import ReproduceError, nearest
+from reproduce.errors import ReproduceError
 from reproduce.files import read_json
 from reproduce.heartbeat import Heartbeat
 from reproduce.plan import ARTEFACTS
+from tactile_kit.errors import nearest
 
 WORK = ("objects", "grasps", "train", "evaluate")  # one file each here; the rest are artefacts
 STAGES = (*WORK, *ARTEFACTS)

@@ -5,24 +5,18 @@ Names load on first use, so that reading settings doesn't import torch.
 
 from __future__ import annotations
 
-import importlib
-from typing import Any
+from tactile_kit.lazy import on_first_use
 
 _HOMES = {
-    "Agent": "agent",
-    "AgentError": "errors",
-    "InputLayout": "networks",
-    "Manifest": "manifest",
-    "NetworkConfig": "config",
-    "PPO": "ppo",
-    "PPOConfig": "config",
-    "load_agent": "agent",
-    "warm_start": "warm_start",
+    "Agent": ".agent",
+    "AgentError": "..errors",
+    "InputLayout": ".networks",
+    "Manifest": ".manifest",
+    "NetworkConfig": ".config",
+    "PPO": ".ppo",
+    "PPOConfig": ".config",
+    "load_agent": ".agent",
+    "warm_start": ".warm_start",
 }
 __all__ = sorted(_HOMES)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+__getattr__ = on_first_use(__name__, _HOMES)

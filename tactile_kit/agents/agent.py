@@ -13,10 +13,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from tactile_kit.agents.errors import AgentError
-from tactile_kit.agents.files import read_tensors
 from tactile_kit.agents.manifest import Manifest, PolicyNetwork, read_manifest
 from tactile_kit.agents.networks import GaussianPolicy, InputLayout, ObservationFeatures
+from tactile_kit.errors import AgentError
+from tactile_kit.files import read_tensors
+from tactile_kit.settings import explain
 
 if TYPE_CHECKING:
     from tactile_kit.task.config import TaskConfig
@@ -123,6 +124,7 @@ def load_agent(directory: str | Path) -> Agent:
     Networks are rebuilt from agent.json and filled from safetensors whose digests it names; nothing is unpickled.
     Raises AgentError naming file and reason when something is missing, damaged, newer or does not fit.
     """
+    from tactile_kit.shape import kind_of
     from tactile_kit.task.config import TaskConfig
 
     directory = Path(directory)
@@ -130,8 +132,8 @@ def load_agent(directory: str | Path) -> Agent:
     try:
         task = TaskConfig(**manifest.task)
     except ValidationError as problem:
-        raise AgentError(f"{directory / 'agent.json'}: task: {problem}") from None
-    layout = InputLayout.of_encoding(manifest.layout, encoding_class(manifest.encoding))
+        raise AgentError(f"{directory / 'agent.json'}: task: {explain(problem)}") from None
+    layout = InputLayout.of_encoding(manifest.layout, kind_of(manifest.encoding))
     policy = build_policy(layout, manifest.network)
     fill(
         policy,
@@ -142,15 +144,6 @@ def load_agent(directory: str | Path) -> Agent:
     if manifest.kind == "tactile":
         estimator = load_estimator(directory, manifest)
     return Agent(directory, manifest, task, policy.eval(), estimator)
-
-
-def encoding_class(name: str) -> Any:
-    """The encoding's class by name; raises ValueError naming the nearest valid one."""
-    from tactile_kit.shape import ENCODINGS, encoding
-
-    if name not in ENCODINGS:
-        encoding(name, None)  # type: ignore[arg-type]  # raises, with the hint
-    return ENCODINGS[name]
 
 
 def build_policy(layout: InputLayout, network: PolicyNetwork) -> GaussianPolicy:
@@ -183,6 +176,7 @@ def fill(module: torch.nn.Module, tensors: dict[str, torch.Tensor], where: Path)
 def load_estimator(directory: Path, manifest: Manifest):
     """The estimator cell of a tactile agent's directory; raises AgentError."""
     from tactile_kit.estimator import EstimatorConfig, EstimatorError, cell_of
+    from tactile_kit.shape import kind_of
 
     path = directory / "estimator.safetensors"
     if manifest.estimator is None or path.name not in manifest.weights:
@@ -190,10 +184,10 @@ def load_estimator(directory: Path, manifest: Manifest):
     try:
         config = EstimatorConfig(**manifest.estimator)
     except ValidationError as problem:
-        raise AgentError(f"{directory / 'agent.json'}: estimator: {problem}") from None
+        raise AgentError(f"{directory / 'agent.json'}: estimator: {explain(problem)}") from None
     with torch.random.fork_rng(devices=[]):
         try:
-            cell = cell_of(config, encoding_class(config.encoding or manifest.encoding))
+            cell = cell_of(config, kind_of(config.encoding or manifest.encoding))
         except EstimatorError as problem:
             raise AgentError(f"{directory / 'agent.json'}: {problem}") from None
     fill(cell, read_tensors(path, manifest.weights[path.name]), path)

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import Field, PositiveFloat, PositiveInt
 
-
-class Settings(BaseModel):
-    """Frozen settings; unknown keys are refused."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
+from tactile_kit.settings import Settings
 
 
 class NetworkConfig(Settings):

@@ -5,29 +5,27 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import Field, ValidationError, field_validator
 
 from tactile_kit.agents.config import NetworkConfig
-from tactile_kit.agents.errors import AgentError
+from tactile_kit.errors import AgentError
+from tactile_kit.files import read_json
+from tactile_kit.settings import Settings, explain
 
 SCHEMA = 1
 WEIGHTS = ("policy.safetensors", "critic.safetensors", "estimator.safetensors")
 
 
-class PolicyNetwork(BaseModel):
+class PolicyNetwork(Settings):
     """What is needed to build the actor again."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     layers: NetworkConfig
     squashed: bool
     actions: int = Field(12, ge=1)
 
 
-class Manifest(BaseModel):
+class Manifest(Settings):
     """The contents of agent.json (schema 1)."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     schema_version: int = Field(SCHEMA, alias="schema")
     kind: Literal["oracle", "tactile"]
@@ -67,8 +65,6 @@ class Manifest(BaseModel):
 
 def read_manifest(directory: Path) -> Manifest:
     """The checked manifest of an agent directory; raises AgentError naming the file and what is wrong."""
-    from tactile_kit.agents.files import read_json
-
     path = directory / "agent.json"
     data = read_json(path)
     if data.get("schema") != SCHEMA:
@@ -76,5 +72,4 @@ def read_manifest(directory: Path) -> Manifest:
     try:
         return Manifest(**data)
     except ValidationError as problem:
-        lines = [f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in problem.errors()]
-        raise AgentError(f"{path}: " + "; ".join(lines)) from None
+        raise AgentError(f"{path}: {explain(problem)}") from None

@@ -71,6 +71,10 @@ class HandActorCriticPolicy(ActorCriticPolicy):
             ]
         self.optimizer = self.optimizer_class(groups, lr=lr_schedule(1), **self.optimizer_kwargs)
 
+    def learned(self) -> list[Tensor]:
+        """All parameters, in the order of the optimiser's groups."""
+        return [parameter for group in self.optimizer.param_groups for parameter in group["params"]]
+
     @property
     def norm(self) -> RunningNorm:
         return self.actor.features.norm

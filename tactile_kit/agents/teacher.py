@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from tactile_kit.agents.agent import load_agent
-from tactile_kit.agents.errors import AgentError
+from tactile_kit.errors import AgentError
 from tactile_kit.shape import encoding
 from tactile_kit.task.observation import Belief, Observer, layout_of
 
@@ -53,11 +53,25 @@ class Teacher:
         return torch.from_numpy(self.agent.act(self.observer(state.z, state.goal, truth, state.given)))
 
 
-def learning_rate(taught: float) -> float:
-    """The student's, after the share ``taught`` (0 to 1) of its lessons: falls by equal factors."""
-    return RATE * (LAST_RATE / RATE) ** min(taught, 1.0)
+class Lessons:
+    """A student's first ``steps`` environment steps, in which it only follows its teacher, and not yet its returns."""
 
+    def __init__(self, teacher: Teacher, steps: int) -> None:
+        self.teacher, self.steps = teacher, steps
 
-def led(taught: float, num_envs: int) -> Tensor:
-    """``(E,) bool``: environments in which the teacher's action is executed, all at first and none from half-way on."""
-    return torch.arange(num_envs) < max(1.0 - 2.0 * taught, 0.0) * num_envs
+    def go_on(self, step: int) -> bool:
+        """Whether they last still after so many environment steps."""
+        return self.steps > 0 and step <= self.steps
+
+    def learning_rate(self, step: int) -> float:
+        """The student's: falls by equal factors."""
+        return RATE * (LAST_RATE / RATE) ** min(step / self.steps, 1.0)
+
+    def led(self, step: int, num_envs: int) -> Tensor:
+        """``(E,) bool``: where the teacher's action is executed: everywhere at first, nowhere from half-way on."""
+        return torch.arange(num_envs) < max(1.0 - 2.0 * (step / self.steps), 0.0) * num_envs
+
+    def show(self, mean: Tensor, step: int) -> tuple[Tensor, Tensor]:
+        """The teacher's actions, and those in place of the student's ``mean`` where it leads; ``(E, A)`` each."""
+        shown = self.teacher.actions()
+        return shown, torch.where(self.led(step, len(mean))[:, None], shown, mean)

@@ -11,11 +11,12 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from tactile_kit.agents.agent import encoding_class, load_estimator
-from tactile_kit.agents.errors import AgentError
-from tactile_kit.agents.files import read_tensors
+from tactile_kit.agents.agent import load_estimator
 from tactile_kit.agents.manifest import Manifest, read_manifest
 from tactile_kit.agents.networks import InputLayout
+from tactile_kit.errors import AgentError
+from tactile_kit.files import read_tensors
+from tactile_kit.shape import kind_of
 
 Terms = tuple[tuple[str, int], ...]
 
@@ -94,7 +95,7 @@ def warm_start(learner, directory: str | Path, encoding: str) -> dict:
     policy = learner.policy
     if manifest.network.squashed:
         raise AgentError(f"{directory}: its action mean passes a tanh, which this learner's does not")
-    old = InputLayout.of_encoding(manifest.layout, encoding_class(manifest.encoding))
+    old = InputLayout.of_encoding(manifest.layout, kind_of(manifest.encoding))
     changed = frozenset() if manifest.encoding == encoding else frozenset({"shape"})
     tensors = read_tensors(directory / "policy.safetensors", manifest.weights["policy.safetensors"])
     left = [

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from pydantic import Field
 
-from tactile_kit.task.config import Settings
+from tactile_kit.settings import Settings
 
 
 class ECRLConfig(Settings):

@@ -15,7 +15,7 @@ from torch import Tensor
 from randomization import stream
 from tactile_kit.ecrl.config import ECRLConfig, Schedule
 from tactile_kit.ecrl.memory import Memory
-from tactile_kit.estimator.errors import EstimatorError
+from tactile_kit.errors import EstimatorError
 from tactile_kit.estimator.state import EstimatorState
 from tactile_kit.estimator.trainer import EstimatorTrainer
 

@@ -13,9 +13,9 @@ import torch
 from numpy.typing import NDArray
 
 from tactile_kit.estimator.fingers import RADII, spheres
+from tactile_kit.rotations import to_6d
 from tactile_kit.shape.moving import surface_vectors
 from tactile_kit.task.observation import goal_term
-from tactile_kit.task.rotations import to_6d
 
 if TYPE_CHECKING:
     from tactile_kit.task.vec_env import ReorientVecEnv

@@ -14,17 +14,17 @@ from tactile_kit.ecrl.config import ECRLConfig
 from tactile_kit.ecrl.coupling import Coupling
 from tactile_kit.ecrl.privileged import TERMS, Truth
 from tactile_kit.ecrl.watch import Watch
+from tactile_kit.errors import EstimatorError
 from tactile_kit.estimator.cell import EstimatorCell
 from tactile_kit.estimator.cells import new_cell
 from tactile_kit.estimator.config import EstimatorConfig
-from tactile_kit.estimator.errors import EstimatorError
 from tactile_kit.estimator.trainer import EstimatorTrainer
-from tactile_kit.shape import encoding
+from tactile_kit.rotations import geodesic
+from tactile_kit.shape import BPS, encoding
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.goals import EpisodeSpec
 from tactile_kit.task.observation import Belief, Layout
-from tactile_kit.task.rotations import geodesic
 from tactile_kit.task.variants import Variants
 from tactile_kit.task.vec_env import ReorientVecEnv
 
@@ -94,11 +94,11 @@ class TactileVecEnv(ReorientVecEnv):
         name = settings.encoding or self.config.encoding
         shape = self.encoding if name == self.config.encoding else encoding(name, self.meshes)
         cell = estimator if isinstance(estimator, EstimatorCell) else new_cell(settings, shape, seed)
-        if cell.shape_name != name:
+        if cell.shape.name != name:
             raise EstimatorError(
-                f"the estimator reads encoding {cell.shape_name!r}, the task and settings say {name!r}"
+                f"the estimator reads encoding {cell.shape.name!r}, the task and settings say {name!r}"
             )
-        trainer = EstimatorTrainer(cell, shape, encoding("bps", self.meshes), seed)
+        trainer = EstimatorTrainer(cell, shape, BPS(self.meshes), seed)
         return Coupling(cell, shape, trainer, ecrl, self.num_envs, seed)
 
     @property

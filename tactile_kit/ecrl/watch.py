@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_kit.task.rotations import geodesic
+from tactile_kit.rotations import geodesic
 
 Array = NDArray[np.floating]
 

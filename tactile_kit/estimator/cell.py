@@ -15,10 +15,11 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from tactile_kit.errors import EstimatorError
 from tactile_kit.estimator.config import EstimatorConfig
-from tactile_kit.estimator.errors import EstimatorError
 from tactile_kit.estimator.state import EstimatorState
 from tactile_kit.estimator.step import LENGTH_SCALE
+from tactile_kit.shape import Encoding
 
 Apply = Callable[[Tensor], Tensor]
 
@@ -48,17 +49,18 @@ class EstimatorCell(nn.Module, ABC):
 
     Args:
         config: layer sizes and switches.
-        shape: the encoding's class or an instance of it: name and sizes are read, meshes are not.
+        shape: the encoding's class or an instance of it; meshes are not read.
         inputs: numbers the transition sees beside the latent state.
 
     Attributes:
+        shape: the encoding's class;
         x0: ``(3,)`` learned x̂_0 in units of LENGTH_SCALE; latent0: ``(n,)`` learned l_0.
     """
 
     def __init__(self, config: EstimatorConfig, shape: Any, inputs: int) -> None:
         super().__init__()
         self.config = config
-        self.shape_name: str = shape.name
+        self.shape: type[Encoding] = shape if isinstance(shape, type) else type(shape)
         latent = config.latent
         self.transition = mlp((inputs + latent, *config.transition_hidden, latent + 6), OUTPUT_GAIN)
         self.sigma_net = mlp((latent, *config.sigma_hidden, 2), OUTPUT_GAIN)

@@ -7,9 +7,9 @@ from typing import Any
 import torch
 
 from randomization import derive
+from tactile_kit.errors import EstimatorError
 from tactile_kit.estimator.cell import EstimatorCell
 from tactile_kit.estimator.config import EstimatorConfig
-from tactile_kit.estimator.errors import EstimatorError
 from tactile_kit.estimator.finger_cell import FingerCell
 from tactile_kit.estimator.paper_cell import PaperCell
 

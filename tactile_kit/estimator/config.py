@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from typing import Literal
 
 from pydantic import Field, PositiveInt
 
-from tactile_kit.estimator.errors import EstimatorError
-from tactile_kit.task.config import Settings
+from tactile_kit.errors import EstimatorError, nearest
+from tactile_kit.settings import Settings
 
 PRESETS: dict[str, dict[str, object]] = {
     "paper": {},
@@ -92,9 +91,5 @@ class EstimatorConfig(Settings):
         Raises EstimatorError for an unknown name.
         """
         if name not in PRESETS:
-            close = difflib.get_close_matches(name, PRESETS, n=1)
-            hint = (
-                f"nearest valid name: {close[0]!r}" if close else f"valid names: {', '.join(sorted(PRESETS))}"
-            )
-            raise EstimatorError(f"estimator preset {name!r} is unknown; {hint}")
+            raise EstimatorError(f"estimator preset {name!r} is unknown{nearest(name, PRESETS)}")
         return cls(**{**PRESETS[name], **changes})  # type: ignore[arg-type]

@@ -12,9 +12,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from tactile_kit.errors import EstimatorError
 from tactile_kit.estimator.cell import Apply, EstimatorCell
 from tactile_kit.estimator.config import EstimatorConfig
-from tactile_kit.estimator.errors import EstimatorError
 from tactile_kit.estimator.fingers import MEMORY, Fingers, fingers
 from tactile_kit.estimator.state import EstimatorState
 from tactile_kit.estimator.step import moved

@@ -17,8 +17,8 @@ import torch
 from pydantic import Field
 from torch import Tensor
 
+from tactile_kit.errors import EstimatorError
 from tactile_kit.estimator.cell import MEASUREMENTS
-from tactile_kit.estimator.errors import EstimatorError
 from tactile_kit.estimator.fingers import FINGERS, MEMORY, RADII, SPHERES, Fingers, fingers
 from tactile_kit.estimator.fits import fits
 from tactile_kit.estimator.so3 import log
@@ -26,8 +26,8 @@ from tactile_kit.estimator.state import EstimatorState
 from tactile_kit.estimator.step import FARTHEST
 from tactile_kit.estimator.turn import turned
 from tactile_kit.estimator.unscented import Unscented
+from tactile_kit.settings import Settings
 from tactile_kit.shape.moving import surface_vectors
-from tactile_kit.task.config import Settings
 
 N = 6  # dx, dr
 COVARIANCE = N * N

@@ -118,9 +118,9 @@ def true_distances(sequences: Sequences, bps: Encode) -> Tensor:
 def _distances(cell: EstimatorCell, run: Unrolled, truth: Tensor, bps: Encode, mesh: Tensor) -> Tensor:
     """d_v ``(T E,)`` m at the estimates before each step, from the encoding where it contains them with a gradient."""
     if run.shape is not None and not cell.config.stop_gradient:
-        if cell.shape_name == "bps":
+        if cell.shape.per_basis_point == 1:
             return _off(run.shape.flatten(0, 1), truth)
-        if cell.shape_name == "vec_bps":
+        if cell.shape.per_basis_point == 3:
             return distances.vector_distance(run.shape.reshape(len(truth), -1, 3), truth)
     before = run.before
     return _off(bps(before.x.flatten(0, 1), before.R.flatten(0, 1), mesh.flatten()), truth)

@@ -68,12 +68,8 @@ def _measurement_scaling() -> tuple[Tensor, Tensor]:
 
 
 def _input_scaling(config: EstimatorConfig, shape: Any) -> Tensor:
-    """Factors on the transition's inputs: lengths are divided by LENGTH_SCALE, the rest is of order one.
-
-    Encodings hold lengths, but for the rotation that pos_rot and mesh carry and for learned features.
-    """
+    """Factors on the transition's inputs: lengths are divided by LENGTH_SCALE, the rest is of order one."""
     scale = torch.full((shape.size,), 1.0 if shape.size != shape.observation_size else 1.0 / LENGTH_SCALE)
-    if shape.name in ("pos_rot", "mesh"):
-        scale[3:POSE] = 1.0
+    scale[shape.unitless] = 1.0
     pose = torch.tensor([1.0 / LENGTH_SCALE] * 3 + [1.0] * 6)
     return torch.cat([torch.ones(config.features + config.latent), scale, pose])

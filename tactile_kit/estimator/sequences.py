@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 import torch
 from torch import Tensor
 
-from tactile_kit.estimator.errors import EstimatorError
+from tactile_kit.errors import EstimatorError
 from tactile_kit.estimator.state import EstimatorState
 
 

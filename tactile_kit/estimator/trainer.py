@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 
 from randomization import derive, stream
+from tactile_kit.errors import EstimatorError
 from tactile_kit.estimator import so3
 from tactile_kit.estimator.averaging import Average
 from tactile_kit.estimator.cell import EstimatorCell
-from tactile_kit.estimator.errors import EstimatorError
 from tactile_kit.estimator.losses import Encode, prepared, sequence_loss
 from tactile_kit.estimator.sequences import Sequences
 from tactile_kit.estimator.state import EstimatorState

@@ -13,7 +13,7 @@ import torch
 from filterpy.kalman import MerweScaledSigmaPoints
 from torch import Tensor
 
-from tactile_kit.estimator.errors import EstimatorError
+from tactile_kit.errors import EstimatorError
 
 JITTER = 1e-12  # on the diagonal: keeps rounding from making a covariance singular
 

@@ -1,6 +1,6 @@
 """Evaluation: roll-outs to one row an episode, and what such rows say, with intervals."""
 
-from tactile_kit.evaluation.errors import EpisodeFileError, EvaluationError
+from tactile_kit.errors import EpisodeFileError, EvaluationError
 from tactile_kit.evaluation.evaluate import evaluate
 from tactile_kit.evaluation.intervals import Interval, difference, stratified_bootstrap, wilson
 from tactile_kit.evaluation.rows import COLUMNS, SUCCESS_ANGLE, EpisodeRow, read_rows, write_rows

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 import randomization
-from tactile_kit.evaluation.errors import EvaluationError
+from tactile_kit.errors import EvaluationError
 
 GOALS = 24  # the octahedral group; paper, Sec. III-C
 
@@ -122,7 +122,7 @@ def make_episodes(
 
 def goal_rotation(episode: Episode) -> np.ndarray:
     """(3, 3) float64: the goal orientation of an episode in the hand frame."""
-    from tactile_kit.task import rotations
+    from tactile_kit import rotations
 
     if episode.goal >= 0:
         return rotations.octahedral()[episode.goal]

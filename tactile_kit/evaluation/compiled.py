@@ -32,10 +32,11 @@ def held_out(agent: Any, objects: str, episodes: int = 512, *, seed: int = 0, th
     seed = derive(seed, "evaluation", "held-out")
     env = agent.make_env(compiled_task(agent, objects), episodes, threads, seed)
     try:
-        observation, playing, infos = env.reset(), np.ones(episodes, bool), {}
+        observation, playing = env.reset(), np.ones(episodes, bool)
+        infos: dict[int, dict[str, Any]] = {}
         while playing.any():
             observation, _, done, told = env.step(agent.act(observation))
-            infos |= {i: told[i] for i in np.flatnonzero(done & playing)}
+            infos |= {i: told[i] for i in np.flatnonzero(done & playing).tolist()}
             playing &= ~done
     finally:
         env.close()

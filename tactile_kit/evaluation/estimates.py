@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from randomization import derive
+from tactile_kit.errors import EvaluationError
 from tactile_kit.evaluation.compiled import compiled_task
-from tactile_kit.evaluation.errors import EvaluationError
 from tactile_kit.evaluation.schedule import HORIZON
-from tactile_kit.task.rotations import geodesic
+from tactile_kit.rotations import geodesic
 
 Array = NDArray[np.float64]
 SECONDS = (1, 2, 5, 10)  # at which errors are told

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from tactile_kit.evaluation.errors import EvaluationError
+from tactile_kit.errors import EvaluationError
 
 
 def _filtered(agent: Any) -> Any:

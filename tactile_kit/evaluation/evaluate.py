@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from randomization import derive
+from tactile_kit.errors import EvaluationError
 from tactile_kit.evaluation.cases import GOALS
-from tactile_kit.evaluation.errors import EvaluationError
 from tactile_kit.evaluation.estimators import told
 from tactile_kit.evaluation.rows import EpisodeRow
 from tactile_kit.evaluation.schedule import HORIZON, STEPS_PER_SECOND, Schedule, schedule

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactile_kit.evaluation.errors import EvaluationError
+from tactile_kit.errors import EvaluationError
 
 CONFIDENCE = 0.95
 

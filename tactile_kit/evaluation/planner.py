@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tactile_kit.errors import EvaluationError
 from tactile_kit.evaluation.cases import GOALS
-from tactile_kit.evaluation.errors import EvaluationError
 from tactile_kit.evaluation.rows import EpisodeRow
 from tactile_kit.evaluation.schedule import STEPS_PER_SECOND, schedule
 from tactile_kit.planning import Planner, PlannerConfig
 from tactile_kit.processes import Workers
+from tactile_kit.rotations import geodesic
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.task.config import TaskConfig
-from tactile_kit.task.rotations import geodesic
 
 if TYPE_CHECKING:
     from tactile_kit.simulation.vector import Blueprint

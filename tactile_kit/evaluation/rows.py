@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tactile_kit.evaluation.errors import EpisodeFileError
+from tactile_kit.errors import EpisodeFileError
 
 SUCCESS_ANGLE = 0.4  # rad; paper, Sec. II-E: a success if theta_T < 0.4 after T = 10 s
 

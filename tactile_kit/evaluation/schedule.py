@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from randomization import STANDARD_GRAVITY, derive
+from tactile_kit.errors import EvaluationError
 from tactile_kit.evaluation.cases import GOALS, Body, Case, Episode, goal_rotation, make_cases, make_episodes
-from tactile_kit.evaluation.errors import EvaluationError
 from tactile_kit.evaluation.rows import SUCCESS_ANGLE, EpisodeRow
 
 log = logging.getLogger(__name__)

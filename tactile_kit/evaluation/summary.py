@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 import randomization
-from tactile_kit.evaluation.errors import EvaluationError
+from tactile_kit.errors import EvaluationError
 from tactile_kit.evaluation.intervals import stratified_bootstrap, wilson
 from tactile_kit.evaluation.rows import EpisodeRow
 

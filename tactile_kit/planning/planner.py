@@ -19,10 +19,10 @@ from pydantic import Field, NonNegativeInt, PositiveInt
 from tactile_kit.hand.kinematics import DRIVEN_INDEX, JOINTS, MEAN_GRASP
 from tactile_kit.planning.gait import Gait, Move, random_move
 from tactile_kit.planning.laws import CENTRE
+from tactile_kit.settings import Settings
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator, dropped
 from tactile_kit.simulation.world import PhysicsFault, Snapshot, World
-from tactile_kit.task.config import Settings
 
 Array = NDArray[np.float64]
 Plan = tuple[Move, ...]

@@ -5,24 +5,18 @@ Names load on first use, so that reading settings doesn't import torch.
 
 from __future__ import annotations
 
-import importlib
-from typing import Any
+from tactile_kit.lazy import on_first_use
 
 _HOMES = {
-    "CheckpointError": "errors",
-    "ConfigError": "errors",
-    "LockedError": "errors",
-    "RunConfig": "config",
-    "RunError": "errors",
-    "finished": "training",
-    "presets": "config",
-    "read_metrics": "metrics",
-    "train": "training",
+    "CheckpointError": "..errors",
+    "ConfigError": "..errors",
+    "LockedError": "..errors",
+    "RunConfig": ".config",
+    "RunError": "..errors",
+    "finished": ".training",
+    "presets": ".config",
+    "read_metrics": ".metrics",
+    "train": ".training",
 }
 __all__ = sorted(_HOMES)
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+__getattr__ = on_first_use(__name__, _HOMES)

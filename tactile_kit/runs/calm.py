@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import Field, PositiveInt, model_validator
 
-from tactile_kit.agents.config import Settings
+from tactile_kit.settings import Settings
 
 
 class CalmConfig(Settings):

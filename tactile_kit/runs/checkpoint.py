@@ -16,7 +16,8 @@ from typing import Any
 
 from torch import Tensor
 
-from tactile_kit.agents.files import (
+from tactile_kit.errors import CheckpointError
+from tactile_kit.files import (
     digest,
     json_bytes,
     read_json,
@@ -25,7 +26,6 @@ from tactile_kit.agents.files import (
     tensor_bytes,
     write_atomically,
 )
-from tactile_kit.runs.errors import CheckpointError
 
 SCHEMA = 1
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
-import reprlib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -13,11 +11,12 @@ import yaml
 from pydantic import Field, PositiveFloat, PositiveInt, ValidationError, model_validator
 
 from randomization import GravitySchedule
-from tactile_kit.agents.config import PPOConfig, Settings
+from tactile_kit.agents.config import PPOConfig
 from tactile_kit.ecrl.config import ECRLConfig
+from tactile_kit.errors import ConfigError, nearest
 from tactile_kit.estimator.config import EstimatorConfig
 from tactile_kit.runs.calm import CalmConfig
-from tactile_kit.runs.errors import ConfigError
+from tactile_kit.settings import Settings, explain, short
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.task.config import RewardConfig, TaskConfig
 
@@ -154,7 +153,7 @@ class RunConfig(Settings):
         """A preset by name, with changes as :meth:`build` takes them. Raises ConfigError."""
         files = presets()
         if name not in files:
-            raise ConfigError(f"preset {name!r} unknown{_nearest(name, list(files))}")
+            raise ConfigError(f"preset {name!r} unknown{nearest(name, files)}")
         return cls.build(_read_yaml(files[name]), changes, name)
 
     @classmethod
@@ -166,7 +165,7 @@ class RunConfig(Settings):
         if base is not None:
             files = presets()
             if base not in files:
-                raise ConfigError(f"{path}: preset {base!r} unknown{_nearest(str(base), list(files))}")
+                raise ConfigError(f"{path}: preset {base!r} unknown{nearest(base, files)}")
             data = merge(_read_yaml(files[base]), data)
         return cls.build(data, changes, str(path))
 
@@ -184,9 +183,7 @@ class RunConfig(Settings):
                 tree = merge(tree, _lift(nested))
             return cls(**tree)
         except ValidationError as problem:
-            raise ConfigError(
-                f"{source}: " + "; ".join(_explain(cls, error) for error in problem.errors())
-            ) from None
+            raise ConfigError(f"{source}: {explain(problem)}") from None
         except (TypeError, ValueError) as problem:
             raise ConfigError(f"{source}: {problem}") from None
 
@@ -205,16 +202,14 @@ _SHORTHAND = ("encoding", "objects", "scaling", "randomization")
 def _lift(data: Mapping[str, Any]) -> dict[str, Any]:
     """Move the task's settings given at the top level into ``task``; raises ValueError where both differ."""
     data = dict(data)
-    short = {name: data.pop(name) for name in _SHORTHAND if name in data}
-    if short:
+    given = {name: data.pop(name) for name in _SHORTHAND if name in data}
+    if given:
         task = data.get("task", {})
         task = task.model_dump(exclude_unset=True) if isinstance(task, TaskConfig) else dict(task)
-        for name, value in short.items():
+        for name, value in given.items():
             if name in task and task[name] != value:
-                raise ValueError(
-                    f"{name} is {_short(value)} at the top level and {_short(task[name])} in task"
-                )
-        data["task"] = {**task, **short}
+                raise ValueError(f"{name} is {short(value)} at the top level and {short(task[name])} in task")
+        data["task"] = {**task, **given}
     return data
 
 
@@ -245,31 +240,6 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: holds {type(data).__name__}, expected keys and values")
     return data
-
-
-def _explain(cls: type[Settings], error: Any) -> str:
-    place = [str(part) for part in error["loc"]]
-    text = ": ".join(filter(None, [".".join(place), error["msg"].removeprefix("Value error, ")]))
-    if error["type"] == "extra_forbidden":
-        model: Any = cls
-        for part in place[:-1]:
-            model = getattr(model.model_fields.get(part), "annotation", None)
-            if model is None or not hasattr(model, "model_fields"):
-                return f"{'.'.join(place)}: unknown"
-        names = list(model.model_fields) + (list(_SHORTHAND) if model is RunConfig else [])
-        return f"{'.'.join(place)}: unknown{_nearest(place[-1], names)}"
-    given = error.get("input")
-    return text if isinstance(given, Mapping) else f"{text} (given: {_short(given)})"
-
-
-def _short(value: Any) -> str:
-    """``repr``, but aliases can make a few lines of YAML a value of any length."""
-    return reprlib.repr(value)[:200]
-
-
-def _nearest(name: str, names: list[str]) -> str:
-    close = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
-    return f"; nearest: {close[0]!r}" if close else f"; allowed: {', '.join(sorted(names))}"
 
 
 GROWS = ("steps",)

@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from tactile_kit.runs.errors import LockedError
+from tactile_kit.errors import LockedError
 
 PACKAGES = ("torch", "numpy", "stable-baselines3", "gymnasium", "pybullet", "safetensors")
 _held: set[Path] = set()

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from tactile_kit.agents.files import (
+from tactile_kit.agents.manifest import Manifest, PolicyNetwork
+from tactile_kit.files import (
     digest,
     json_bytes,
     replace_together,
     tensor_bytes,
     write_atomically,
 )
-from tactile_kit.agents.manifest import Manifest, PolicyNetwork
 from tactile_kit.runs.config import RunConfig
 from tactile_kit.runs.directory import revision, versions
 

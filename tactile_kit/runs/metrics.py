@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
-from tactile_kit.agents.files import write_atomically
+from tactile_kit.files import write_atomically
 
 WINDOW = 500  # episodes that the smoothed figures run over, at least
 

@@ -10,11 +10,11 @@ import numpy as np
 import torch
 
 from tactile_kit.agents.state import pack, unpack
+from tactile_kit.errors import CheckpointError
 from tactile_kit.runs import checkpoint as checkpoints
 from tactile_kit.runs.calm import Calm
 from tactile_kit.runs.config import RunConfig
 from tactile_kit.runs.directory import versions
-from tactile_kit.runs.errors import CheckpointError
 from tactile_kit.runs.export import export_agent
 from tactile_kit.runs.metrics import Tracker
 

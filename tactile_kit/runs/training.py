@@ -14,11 +14,11 @@ import numpy as np
 import torch
 
 from randomization import derive
-from tactile_kit.agents.files import json_bytes, read_json, settle, write_atomically
+from tactile_kit.errors import ConfigError
+from tactile_kit.files import json_bytes, read_json, settle, write_atomically
 from tactile_kit.runs import checkpoint as checkpoints
 from tactile_kit.runs.config import RunConfig, differences
 from tactile_kit.runs.directory import hardware, locked, revision, versions
-from tactile_kit.runs.errors import ConfigError
 from tactile_kit.runs.metrics import MetricsFile, Tracker, read_metrics
 from tactile_kit.runs.progress import Progress
 from tactile_kit.runs.session import Run
@@ -84,9 +84,9 @@ def train(
                 run.warm_start = warm_start(run.learner, config.warm_start, config.encoding)
             del saved
             if config.ppo.teacher:
-                from tactile_kit.agents.teacher import Teacher
+                from tactile_kit.agents.teacher import Lessons, Teacher
 
-                run.learner.teacher = Teacher(config.ppo.teacher, env)
+                run.learner.lessons = Lessons(Teacher(config.ppo.teacher, env), config.ppo.taught_steps)
             metrics = MetricsFile(directory, run.learner.num_timesteps)
             try:
                 _loop(run, metrics, progress)

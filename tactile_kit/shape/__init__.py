@@ -4,7 +4,7 @@ from object_sets.errors import MeshError
 from tactile_kit.shape.base import Encoding
 from tactile_kit.shape.bps import BPS
 from tactile_kit.shape.function import PoseError, basis_points, bps_vectors
-from tactile_kit.shape.registry import ENCODINGS, encoding
+from tactile_kit.shape.registry import ENCODINGS, encoding, kind_of, names
 from tactile_kit.shape.tables import MeshTable
 from tactile_kit.shape.vec_bps import VecBPS
 
@@ -19,4 +19,6 @@ __all__ = [
     "basis_points",
     "bps_vectors",
     "encoding",
+    "kind_of",
+    "names",
 ]

@@ -11,16 +11,23 @@ from tactile_kit.shape.tables import MeshTable
 
 
 class Encoding(ABC):
-    """Base of the encodings; a new one is one file and one line in ``registry.py``.
+    """Base of the encodings; a new one is one file and one line in ``registry.py``, or an entry point (see there).
 
-    Class attributes: ``name`` in the registry; ``size`` features the network sees; ``observation_size`` numbers the
-    observation carries (= size unless a learned layer, ``features()``, stands between); ``tells_shape``.
+    Class attributes: ``name`` in the registry and ``label`` in figures; ``size`` features the network sees;
+    ``observation_size`` numbers the observation carries (= size unless a learned layer, ``features()``, stands
+    between). What others ask of an encoding, they ask here: its name is read by nobody.
     """
 
     name: ClassVar[str]
-    tells_shape: ClassVar[bool] = True  # whether the mesh has a say in it
+    label: ClassVar[str]
     size: ClassVar[int]
     observation_size: ClassVar[int]
+    tells_shape: ClassVar[bool] = True  # whether the mesh has a say in it
+    pose_beside: ClassVar[bool] = True  # whether the observation has the pose as a term of its own beside it
+    unitless: ClassVar[slice] = slice(0, 0)  # those of its numbers that are no lengths in metres
+    per_basis_point: ClassVar[int] = (
+        0  # 3 where it is the vectors of basis_points(), 1 where their lengths, else 0
+    )
 
     def __init__(self, meshes: MeshTable) -> None:
         self.meshes = meshes

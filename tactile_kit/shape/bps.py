@@ -11,7 +11,8 @@ from tactile_kit.shape.function import bps_vectors
 class BPS(Encoding):
     """(B, 64): |v_k|, metres; zero for points inside, where the gradient is zero too."""
 
-    name, size, observation_size = "bps", 64, 64
+    name, label, size, observation_size = "bps", "BPS", 64, 64
+    per_basis_point = 1
 
     def __call__(self, x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor) -> torch.Tensor:
         # vector_norm's gradient at a zero vector is zero; that of sqrt(sum) would be NaN

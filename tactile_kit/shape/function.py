@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch.autograd.function import once_differentiable
 
-from tactile_kit.shape import kernels
+from tactile_kit.shape import gradients, kernels
 from tactile_kit.shape.tables import MeshTable
 
 
@@ -73,7 +73,7 @@ class _Vectors(torch.autograd.Function):
     def backward(ctx: Any, gradient: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, None, None]:
         x, R, vectors, unit = ctx.saved_tensors
         x_gradient, R_gradient = torch.empty(x.shape, dtype=x.dtype), torch.empty(R.shape, dtype=R.dtype)
-        kernels.backward(
+        gradients.backward(
             _LANES[x.dtype],
             x.contiguous().numpy(),
             R.contiguous().numpy(),

@@ -1,4 +1,4 @@
-"""Compiled closest-point search. All kernels live in this one file: numba's cache misses changes in imported ones.
+"""Compiled closest-point search, all in this one file: numba's cache misses changes in imported ones.
 
 Each triangle is read once per 64 points: the points are vector lanes, so the search needs neither reductions nor
 gathers nor branches. Everything a lane loop touches lies in ONE flat scratch array with constant row offsets: separate
@@ -30,11 +30,11 @@ MAX_SKEW = 1e-3
 
 OK, BAD_POSITION, BAD_ROTATION, BAD_MESH = 0, 1, 2, 3
 
-_OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
-_FAST = {**_OPTIONS, "fastmath": True}
+OPTIONS = {"cache": True, "nogil": True, "error_model": "numpy"}
+FAST = {**OPTIONS, "fastmath": True}
 # What forward calls. As functions of their own they would be optimised twice, and fast-math rounds differently each
 # time: the process that compiles would call the first version, and processes that read the cache the second.
-_INSIDE = {**_FAST, "forceinline": True}
+INSIDE = {**FAST, "forceinline": True}
 
 
 def _load_lanes(context, builder, kind, array, offset):
@@ -83,7 +83,7 @@ def _first_lane(typing_context, mask):
     return types.int64(types.int64), generate
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def _check(position, rotation, mesh, meshes):
     """Status of one pose. Not fast-math: comparisons must be false for NaN."""
     if mesh < 0 or mesh >= meshes:
@@ -108,7 +108,7 @@ def _check(position, rotation, mesh, meshes):
     return OK if determinant > 0 else BAD_ROTATION
 
 
-@njit(**_INSIDE)
+@njit(**INSIDE)
 def _search(rows, start, stop, s, count):
     """Nearest triangle of rows[start:stop] for ``count`` points: squared distance and index (kept as a float)."""
     real = s.dtype.type
@@ -146,7 +146,7 @@ def _search(rows, start, stop, s, count):
             s[BEST + k] = d2 if d2 < best else best
 
 
-@njit(**_INSIDE)
+@njit(**INSIDE)
 def _search_block(blocks, block, x, y, z, s):
     """Squared distances from one point to a block's 16 triangles, as lanes in the scratch; returns the least."""
     zero = s.dtype.type(0)
@@ -176,7 +176,7 @@ def _search_block(blocks, block, x, y, z, s):
     return _least(s, TRIAL)
 
 
-@njit(**_INSIDE)
+@njit(**INSIDE)
 def _search_boxes(blocks, bounds, first, last, triangles, s, count):
     """As _search for a big mesh: per point, only blocks whose box is nearer than the best triangle so far."""
     real = s.dtype.type
@@ -222,7 +222,7 @@ def _search_boxes(blocks, bounds, first, last, triangles, s, count):
         s[WINNER + k] = real(min(winner, triangles - 1))
 
 
-@njit(**_INSIDE)
+@njit(**INSIDE)
 def _finish(rows, normals, start, rotation, s, vectors, unit, save, count):
     """Closest-point vectors of the winners (hand frame), zero inside; and what the backward pass needs if save."""
     real = s.dtype.type
@@ -297,7 +297,7 @@ def _finish(rows, normals, start, rotation, s, vectors, unit, save, count):
             unit[k, 3] = free * real(1 - on_face)
 
 
-@njit(**_INSIDE)
+@njit(**INSIDE)
 def _localise(points, position, rotation, s, count):
     """Points (3, count) in the object's frame, q = R^T (p - x), as three rows of lanes."""
     x, y, z = position[0], position[1], position[2]
@@ -313,7 +313,7 @@ def _localise(points, position, rotation, s, count):
         s[QZ + k] = r02 * dx + r12 * dy + r22 * dz
 
 
-@njit(forceinline=True, **_OPTIONS)
+@njit(forceinline=True, **OPTIONS)
 def _encode(points, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, vectors, unit, save, count):
     """What forward does; points (1, 3, count) shared by all poses, or (B, 3, count)."""
     size, meshes = x.shape[0], offsets.shape[0] - 1
@@ -339,7 +339,7 @@ def _encode(points, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, 
     return OK, 0
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def forward(points, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, vectors, unit, save):
     """Vectors (B, K, 3) from the basis points (3, K) to the posed meshes; returns a status and the row it is about.
 
@@ -349,13 +349,13 @@ def forward(points, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, 
     return _encode(shared, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, vectors, unit, save, K)
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def forward_moving(points, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, vectors, unit, save):
     """As forward, from points (B, 3, M) of every pose's own: vectors (B, M, 3), unit (B, M, 4)."""
     return _encode(points, x, R, mesh, offsets, rows, normals, groups, bounds, blocks, vectors, unit, save, M)
 
 
-@njit(**_OPTIONS)
+@njit(**OPTIONS)
 def _by_mesh(mesh, meshes):
     """Rows in the order of their meshes, so that a table is read once; as they come where sorting costs more."""
     size = mesh.shape[0]
@@ -370,55 +370,3 @@ def _by_mesh(mesh, meshes):
             order[places[mesh[b]]] = b
             places[mesh[b]] += 1
     return order
-
-
-@njit(**_INSIDE)
-def _return(points, x, R, vectors, unit, gradient, x_gradient, R_gradient, count):
-    """Closed form, no search. With g the incoming gradient (B, count, 3) of each vector v, and e, alpha from _encode:
-    h = alpha g + (1 - 2 alpha) (e.g) e,  dL/dx = sum h,  dL/dR = [sum g v^T - (p - x) h^T] R.
-    """
-    real = vectors.dtype.type
-    zero, one, two = real(0), real(1), real(2)
-    own = points.shape[0] > 1
-    for b in range(x.shape[0]):
-        at = points[b if own else 0]
-        x0, x1, x2 = x[b, 0], x[b, 1], x[b, 2]
-        h0, h1, h2 = zero, zero, zero
-        m00, m01, m02, m10, m11, m12, m20, m21, m22 = zero, zero, zero, zero, zero, zero, zero, zero, zero
-        for k in range(count):
-            g0, g1, g2 = gradient[b, k, 0], gradient[b, k, 1], gradient[b, k, 2]
-            v0, v1, v2 = vectors[b, k, 0], vectors[b, k, 1], vectors[b, k, 2]
-            e0, e1, e2, alpha = unit[b, k, 0], unit[b, k, 1], unit[b, k, 2], unit[b, k, 3]
-            along = (one - two * alpha) * (e0 * g0 + e1 * g1 + e2 * g2)
-            a0, a1, a2 = alpha * g0 + along * e0, alpha * g1 + along * e1, alpha * g2 + along * e2
-            p0, p1, p2 = at[0, k] - x0, at[1, k] - x1, at[2, k] - x2
-            h0 += a0
-            h1 += a1
-            h2 += a2
-            m00 += g0 * v0 - p0 * a0
-            m01 += g0 * v1 - p0 * a1
-            m02 += g0 * v2 - p0 * a2
-            m10 += g1 * v0 - p1 * a0
-            m11 += g1 * v1 - p1 * a1
-            m12 += g1 * v2 - p1 * a2
-            m20 += g2 * v0 - p2 * a0
-            m21 += g2 * v1 - p2 * a1
-            m22 += g2 * v2 - p2 * a2
-        x_gradient[b, 0], x_gradient[b, 1], x_gradient[b, 2] = h0, h1, h2
-        for j in range(3):
-            c0, c1, c2 = R[b, 0, j], R[b, 1, j], R[b, 2, j]
-            R_gradient[b, 0, j] = m00 * c0 + m01 * c1 + m02 * c2
-            R_gradient[b, 1, j] = m10 * c0 + m11 * c1 + m12 * c2
-            R_gradient[b, 2, j] = m20 * c0 + m21 * c1 + m22 * c2
-
-
-@njit(**_FAST)
-def backward(points, x, R, vectors, unit, gradient, x_gradient, R_gradient):
-    """Gradients (B, 3) and (B, 3, 3) of position and orientation from that of forward's vectors (B, K, 3)."""
-    _return(points.reshape(1, 3, K), x, R, vectors, unit, gradient, x_gradient, R_gradient, K)
-
-
-@njit(**_FAST)
-def backward_moving(points, x, R, vectors, unit, gradient, x_gradient, R_gradient):
-    """The same for forward_moving."""
-    _return(points, x, R, vectors, unit, gradient, x_gradient, R_gradient, M)

@@ -13,7 +13,9 @@ from tactile_kit.shape.tables import MeshTable
 class Mesh(Encoding):
     """(B, 201): pose (9, as PosRot) and the VecBPS of the mesh at x = 0, R = I (192, metres), constant per mesh."""
 
-    name, size, observation_size = "mesh", 201, 201
+    name, label, size, observation_size = "mesh", "Mesh", 201, 201
+    pose_beside = False
+    unitless = slice(3, 9)
 
     def __init__(self, meshes: MeshTable) -> None:
         super().__init__(meshes)

@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from torch.autograd.function import once_differentiable
 
-from tactile_kit.shape import kernels
+from tactile_kit.shape import gradients, kernels
 from tactile_kit.shape.function import refuse_row
 from tactile_kit.shape.tables import MeshTable
 
@@ -55,7 +55,7 @@ class _Vectors(torch.autograd.Function):
     def backward(ctx: Any, gradient: torch.Tensor) -> tuple[Any, ...]:
         x, R, lanes, vectors, unit = ctx.saved_tensors
         x_gradient, R_gradient = torch.empty_like(x), torch.empty_like(R)
-        kernels.backward_moving(
+        gradients.backward_moving(
             lanes.numpy(),
             x.numpy(),
             R.numpy(),

@@ -11,8 +11,8 @@ from tactile_kit.shape.pose import check_pose
 class NoShape(Encoding):
     """(B, 0)."""
 
-    name, size, observation_size = "none", 0, 0
-    tells_shape = False
+    name, label, size, observation_size = "none", "None", 0, 0
+    tells_shape = pose_beside = False
 
     def __call__(self, x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor) -> torch.Tensor:
         check_pose(self.meshes, x, R, mesh)

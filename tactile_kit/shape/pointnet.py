@@ -23,7 +23,7 @@ class PointNet(Encoding):
     sizes of one object hold corresponding points.
     """
 
-    name, size, observation_size = "pointnet", UNITS, 3 * POINTS
+    name, label, size, observation_size = "pointnet", "PointNet", UNITS, 3 * POINTS
 
     def __init__(self, meshes: MeshTable, seed: int = 0) -> None:
         super().__init__(meshes)

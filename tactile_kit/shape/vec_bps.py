@@ -11,7 +11,8 @@ from tactile_kit.shape.function import bps_vectors
 class VecBPS(Encoding):
     """(B, 192): v_1 ... v_64, metres, hand frame; zero for points inside. Points in the order of basis_points()."""
 
-    name, size, observation_size = "vec_bps", 192, 192
+    name, label, size, observation_size = "vec_bps", "VecBPS", 192, 192
+    per_basis_point = 3
 
     def __call__(self, x: torch.Tensor, R: torch.Tensor, mesh: torch.Tensor) -> torch.Tensor:
         return bps_vectors(self.meshes, x, R, mesh).flatten(1)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from randomization import STANDARD_GRAVITY
+from tactile_kit.settings import Settings
 
 MEASUREMENT_RATE = 60  # Hz, paper section II-C
 CONTROL_RATE = 10  # Hz, the policy
@@ -19,10 +20,8 @@ def command_share(filter_time_constant: float) -> float:
     return 1.0 - math.exp(-1.0 / (CONTROL_RATE * filter_time_constant))
 
 
-class SimulationConfig(BaseModel):
+class SimulationConfig(Settings):
     """How Bullet integrates."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
     steps_per_second: int = Field(
         default=60,

@@ -5,23 +5,21 @@ Episodes repeat to the bit, so their start and the actions say it all; the last 
 
 from __future__ import annotations
 
+import io
 import json
-import os
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_kit.files import write_atomically
 from tactile_kit.hand.kinematics import ALL_JOINTS, JOINTS
 
-if TYPE_CHECKING:
-    from tactile_kit.simulation.simulator import Simulator, Status
-
 SCHEMA = 1
-_STATE = {"joints": (ALL_JOINTS,), "position": (3,), "rotation": (3, 3)}
+STATE = {"joints": (ALL_JOINTS,), "position": (3,), "rotation": (3, 3)}
 _START = {"variant": int, "seed": int, "gravity": float, "body": str, "horizon": int}
 
 
@@ -49,39 +47,14 @@ class Dump:
     state: dict[str, NDArray]
 
 
-def record(simulator: Simulator) -> Dump:
-    """The present episode of ``simulator``, which has just ended in a fault."""
-    world = simulator.world
-    variant, seed, gravity = simulator.start
-    return Dump(
-        simulator.fault or "",
-        {
-            "variant": variant,
-            "seed": seed,
-            "gravity": gravity,
-            "body": simulator.bodies[variant].name,
-            "horizon": simulator.horizon,
-            "config": simulator.world.config.model_dump(),
-        },
-        np.array(simulator.actions, dtype=np.float64).reshape(-1, JOINTS),
-        {name: np.asarray(value, dtype=np.float64) for name, value in simulator.physics.items()},
-        {name: np.array(getattr(world, name)) for name in _STATE},
-    )
-
-
 def write(path: Path, dump: Dump) -> None:
     """Write ``dump`` as npz, whole or not at all. Raises OSError."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     head = json.dumps({"schema": SCHEMA, "fault": dump.fault, "start": dump.start})
     arrays = {f"physics.{name}": value for name, value in dump.physics.items()}
     arrays |= {f"state.{name}": value for name, value in dump.state.items()}
-    temporary = path.with_name(f".{path.name}")
-    try:
-        with temporary.open("wb") as file:
-            np.savez(file, allow_pickle=False, head=np.array(head), actions=dump.actions, **arrays)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, head=np.array(head), actions=dump.actions, **arrays)
+    write_atomically(path, buffer.getvalue())
 
 
 def read(path: str | Path) -> Dump:
@@ -102,8 +75,8 @@ def read(path: str | Path) -> Dump:
     start = head.get("start")
     if not isinstance(start, dict) or any(type(start.get(name)) is not kind for name, kind in _START.items()):
         raise DumpError(f"{path}: start is {start!r}, expected {', '.join(_START)}")
-    state = {name: arrays.pop(f"state.{name}", np.zeros(0)) for name in _STATE}
-    expected = {"actions": (len(actions) if actions.ndim else 0, JOINTS), **_STATE}
+    state = {name: arrays.pop(f"state.{name}", np.zeros(0)) for name in STATE}
+    expected = {"actions": (len(actions) if actions.ndim else 0, JOINTS), **STATE}
     for name, array in {"actions": actions, **state}.items():
         if array.dtype != np.float64 or array.shape != expected[name]:
             raise DumpError(
@@ -111,42 +84,3 @@ def read(path: str | Path) -> Dump:
             )
     physics = {name.removeprefix("physics."): array for name, array in arrays.items()}
     return Dump(str(head.get("fault")), start, actions, physics, state)
-
-
-def replay(dump: Dump, simulator: Simulator) -> Status:
-    """Play the episode again in ``simulator``; returns how it ended (``simulator.fault`` says with what fault).
-
-    Raises:
-        DumpError: the simulator is of another task or physics, or its last good state differs from the dump's.
-    """
-    start = dump.start
-    bodies = [body.name for body in simulator.bodies]
-    found = {
-        "body": bodies[start["variant"]] if 0 <= start["variant"] < len(bodies) else None,
-        "horizon": simulator.horizon,
-        "config": simulator.world.config.model_dump(),
-    }
-    other = [
-        f"{name}: {start.get(name)!r} -> {value!r}"
-        for name, value in found.items()
-        if start.get(name) != value
-    ]
-    if not other:
-        simulator.reset(start["variant"], start["seed"], start["gravity"])
-        drawn = {name: np.asarray(value, dtype=np.float64) for name, value in simulator.physics.items()}
-        names = sorted(drawn.keys() | dump.physics.keys())
-        other = [name for name in names if not np.array_equal(drawn.get(name), dump.physics.get(name))]  # type: ignore[arg-type]
-    if other:
-        raise DumpError("the dump is of another simulation: " + "; ".join(other))
-    for action in dump.actions:
-        status = simulator.step(action)
-        if status:
-            break
-    differing = [
-        name
-        for name, value in dump.state.items()
-        if not np.array_equal(getattr(simulator.world, name), value)
-    ]
-    if differing:
-        raise DumpError(f"the replay's last good state differs from the dump's in {', '.join(differing)}")
-    return status

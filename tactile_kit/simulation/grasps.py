@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 import randomization
 from object_sets import Object
 from tactile_kit.hand import inverse, kinematics
+from tactile_kit.rotations import geodesic, random_rotations
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import command_share
 from tactile_kit.simulation.world import Grasp, PhysicsFault, World
-from tactile_kit.task.rotations import geodesic, random_rotations
 
 Array = NDArray[np.float64]
 

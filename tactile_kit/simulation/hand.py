@@ -10,9 +10,9 @@ import pybullet
 from numpy.typing import NDArray
 
 from tactile_kit.hand import kinematics
+from tactile_kit.rotations import to_quaternion
 from tactile_kit.simulation.bodies import finger_files
 from tactile_kit.simulation.client import Client
-from tactile_kit.task.rotations import to_quaternion
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ import randomization
 from tactile_kit.hand import kinematics
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import CONTROL_RATE, SAMPLES, SimulationConfig
-from tactile_kit.simulation.dump import Dump, record
+from tactile_kit.simulation.dump import STATE, Dump
 from tactile_kit.simulation.grasps import GraspBank
 from tactile_kit.simulation.world import PhysicsFault, World
 
@@ -138,7 +138,22 @@ class Simulator:
 
     def dump(self) -> Dump:
         """The present episode so far, to be written and played again (see ``tactile_kit.simulation.dump``)."""
-        return record(self)
+        variant, seed, gravity = self.start
+        start = {
+            "variant": variant,
+            "seed": seed,
+            "gravity": gravity,
+            "body": self.bodies[variant].name,
+            "horizon": self.horizon,
+            "config": self.world.config.model_dump(),
+        }
+        return Dump(
+            self.fault or "",
+            start,
+            np.array(self.actions, dtype=np.float64).reshape(-1, kinematics.JOINTS),
+            {name: np.asarray(value, dtype=np.float64) for name, value in self.physics.items()},
+            {name: np.array(getattr(self.world, name)) for name in STATE},
+        )
 
     def noise(self, number: int) -> NDArray | None:
         """Measurement noise ``(6, 12)`` rad of control step ``number``; None where there is none (any more)."""

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from tactile_kit.hand import kinematics
 from tactile_kit.hand.controller import CommandFilter, Impedance, ImpedanceController
+from tactile_kit.rotations import to_quaternion
 from tactile_kit.simulation.bodies import MIN_MASS, Body
 from tactile_kit.simulation.client import Client
 from tactile_kit.simulation.config import SAMPLES, SimulationConfig
 from tactile_kit.simulation.hand import Hand
-from tactile_kit.task.rotations import to_quaternion
 
 Array = NDArray[np.float64]
 MAX_JOINT_SPEED = 60.0  # rad/s; ten times what the controller's torque limit can bring about in free air

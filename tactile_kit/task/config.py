@@ -2,38 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
-from typing import Any, Literal
+from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
+from tactile_kit.settings import Settings
 from tactile_kit.simulation.config import SimulationConfig
-
-
-def _check_names(model: type[BaseModel], values: Any) -> None:
-    if not isinstance(values, dict):
-        return
-    for key, value in values.items():
-        field = model.model_fields.get(key)
-        if field is None:
-            near = difflib.get_close_matches(str(key), model.model_fields, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            names = ", ".join(model.model_fields)
-            raise ValueError(f"{model.__name__} has no setting {key!r}{hint} (settings: {names})")
-        if isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel):
-            _check_names(field.annotation, value)
-
-
-class Settings(BaseModel):
-    """Base of all settings: frozen, and unknown keys fail with the nearest valid name."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _name_unknown_keys(cls, values: Any) -> Any:
-        _check_names(cls, values)
-        return values
 
 
 class RewardConfig(Settings):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import randomization
 from tactile_kit.hand.kinematics import JOINTS
+from tactile_kit.rotations import geodesic
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.task.actions import checked, for_simulator
 from tactile_kit.task.config import TaskConfig
@@ -19,7 +20,6 @@ from tactile_kit.task.core import Core
 from tactile_kit.task.goals import EpisodeSpec, training_episodes
 from tactile_kit.task.observation import Belief
 from tactile_kit.task.reward import reward_terms
-from tactile_kit.task.rotations import geodesic
 
 
 class ReorientEnv(gymnasium.Env):

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import randomization
+from tactile_kit.rotations import octahedral, random_rotations
 from tactile_kit.task.config import TaskConfig
-from tactile_kit.task.rotations import octahedral, random_rotations
 from tactile_kit.task.variants import Variants
 
 

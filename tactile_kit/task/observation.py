@@ -9,12 +9,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from tactile_kit.rotations import to_6d
 from tactile_kit.shape import Encoding
 from tactile_kit.simulation.config import SAMPLES
-from tactile_kit.task.rotations import to_6d
 
 JOINTS_SIZE = SAMPLES * 2 * 12
-WITH_POSE = ("vec_bps", "bps", "pointnet")  # encodings beside which the pose is a term of its own
 
 
 class Layout(Mapping[str, slice]):
@@ -66,7 +65,7 @@ def layout_of(encoding: Encoding, *, pose: bool, sigma: bool) -> Layout:
     sizes = {"joints": JOINTS_SIZE, "goal": 6}
     if encoding.observation_size:
         sizes["shape"] = encoding.observation_size
-    if pose and encoding.name in WITH_POSE:
+    if pose and encoding.pose_beside:
         sizes["pose"] = 9
     if sigma:
         sizes["sigma"] = 2

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_kit.hand.kinematics import MEAN_GRASP
+from tactile_kit.rotations import geodesic
 from tactile_kit.task.config import RewardConfig
-from tactile_kit.task.rotations import geodesic
 
 Array = NDArray[np.floating]
 

@@ -6,7 +6,7 @@ Results don't depend on the number of workers.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,15 +15,16 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from tactile_kit.hand.kinematics import JOINTS
+from tactile_kit.rotations import geodesic
 from tactile_kit.simulation.simulator import Status
 from tactile_kit.simulation.vector import VectorSimulation
 from tactile_kit.task.actions import checked, for_simulator
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
-from tactile_kit.task.goals import EpisodeSpec, training_episodes
+from tactile_kit.task.episodes import Episodes
+from tactile_kit.task.goals import EpisodeSpec
 from tactile_kit.task.observation import Belief
 from tactile_kit.task.reward import terms_of_angles
-from tactile_kit.task.rotations import geodesic
 from tactile_kit.task.state import EpisodeResult, State, Transition
 from tactile_kit.task.variants import Variants, prepare
 
@@ -73,7 +74,7 @@ class ReorientVecEnv(VecEnv):
             sigma=self.sigma and config.sigma_in_observation,
             variants=variants or prepare(config, num_workers),
         )
-        self.core, self.config, self.seed_value = core, config, seed
+        self.core, self.config = core, config
         self.layout, self.variants, self.meshes, self.encoding = (
             core.layout,
             core.variants,
@@ -85,16 +86,14 @@ class ReorientVecEnv(VecEnv):
             spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32),
             spaces.Box(-1.0, 1.0, (JOINTS,), np.float32),
         )
-        self._listed = None if episodes is None else self._checked(list(episodes))
-        self.gravity = config.gravity
         self.simulation = simulation_of(core, num_envs, num_workers)
-        self._drawn = np.zeros(num_envs, np.int64)  # training episodes announced so far
-        self._sources = self._training_sources()
-        self._spec: dict[int, EpisodeSpec] = {}  # of the present episode of every environment
-        self._number = np.full(num_envs, -1)  # place of the present episode in the list, -1: none
+        try:
+            self.episodes = Episodes(config, core.variants, num_envs, self.simulation.views, seed, episodes)
+        except BaseException:
+            self.close()  # the workers are running already
+            raise
         self._theta, self._theta_min = np.zeros(num_envs), np.zeros(num_envs)  # angles to the goal, rad
         self._return = np.zeros(num_envs)
-        self._announce()
         self.state = State.blank(num_envs)
         self.belief = Belief(
             np.zeros((num_envs, 3), np.float32), np.tile(np.eye(3, dtype=np.float32), (num_envs, 1, 1))
@@ -104,35 +103,9 @@ class ReorientVecEnv(VecEnv):
 
     # -- episodes ---------------------------------------------------------------------------------------------------
 
-    def _checked(self, episodes: list[EpisodeSpec]) -> list[EpisodeSpec]:
-        if not episodes:
-            raise ValueError(
-                "episodes is empty: allowed are one and more (None: training episodes without end)"
-            )
-        for number, spec in enumerate(episodes):
-            for name in ("variant", "given"):
-                if not 0 <= getattr(spec, name) < len(self.variants):
-                    raise ValueError(
-                        f"episodes[{number}].{name} = {getattr(spec, name)}: allowed are 0 to {len(self.variants) - 1}"
-                    )
-        return episodes
-
-    def _announce(self) -> None:
-        """Tell the workers of the first episodes; a list begins at its start."""
-        self.results: list[EpisodeResult | None] = [None] * len(self._listed or [])
-        self._queue: Iterator[int] = iter(range(len(self.results)))
-        self._next: list[tuple[int, EpisodeSpec]] = [self._draw(i) for i in range(self.num_envs)]
-
-    def _training_sources(self) -> list[Iterator[EpisodeSpec]]:
-        every = self.num_envs
-        return [
-            training_episodes(self.config, self.variants, i, self.seed_value, every, int(self._drawn[i]))
-            for i in range(every)
-        ]
-
     def get_state(self) -> dict[str, Array]:
         """What :meth:`set_state` needs to go on with the same training episodes; physics is not in it."""
-        return {"next_episode": self._drawn - 1}
+        return {"next_episode": self.episodes.upcoming}
 
     def set_state(self, arrays: dict[str, Array]) -> None:
         """Go on with the episodes that were announced when the state was taken, from the next ``reset`` on.
@@ -143,34 +116,14 @@ class ReorientVecEnv(VecEnv):
         numbers = np.asarray(arrays["next_episode"], np.int64)
         if numbers.shape != (self.num_envs,):
             raise ValueError(f"state of {numbers.size} environments: allowed are {self.num_envs}")
-        self._drawn = numbers.copy()
-        self._sources = self._training_sources()
-        self._announce()
-
-    def _draw(self, environment: int) -> tuple[int, EpisodeSpec]:
-        """The episode after the next in ``environment``, announced to its worker."""
-        number = -1
-        if self._listed is None:
-            spec = next(self._sources[environment])
-            self._drawn[environment] += 1
-        else:
-            number = next(self._queue, -1)
-            # with the list used up, environments idle on a repeat that nobody counts
-            spec = self._listed[number if number >= 0 else 0]
-        views = self.simulation.views
-        views["next_variant"][environment] = spec.variant
-        views["next_seed"][environment] = spec.seed
-        views["next_gravity"][environment] = self.gravity
-        return number, spec
+        self.episodes.reseed(self.episodes.seed, numbers)
 
     def _begin(self, mask: Array) -> None:
         """Take over the first states of new episodes and announce the following ones."""
         views, state, rows = self.simulation.views, self.state, np.flatnonzero(mask)
         for i in rows.tolist():
-            self._number[i], spec = self._next[i]
-            self._spec[i] = spec
+            spec = self.episodes.begin(i)
             state.goal[i], state.given[i], state.variant[i] = spec.goal, spec.given, spec.variant
-            self._next[i] = self._draw(i)
         for name in ("z", "x", "R"):
             getattr(state, name)[rows] = views[name + "0"][rows]
         state.x0[rows], state.R0[rows] = views["x0"][rows], views["R0"][rows]
@@ -180,12 +133,21 @@ class ReorientVecEnv(VecEnv):
     @property
     def finished(self) -> bool:
         """Whether every listed episode has its result."""
-        return self._listed is not None and all(result is not None for result in self.results)
+        return self.episodes.finished
+
+    @property
+    def results(self) -> list[EpisodeResult | None]:
+        """Of the listed episodes, in their order; None: not played yet."""
+        return self.episodes.results
+
+    @property
+    def gravity(self) -> float:
+        """m/s^2, of the episodes to come."""
+        return self.episodes.gravity
 
     def set_gravity(self, gravity: float) -> None:
         """Gravity in m/s^2 of the episodes that start from now on (those already announced included)."""
-        self.gravity = float(gravity)
-        self.simulation.views["next_gravity"][:] = gravity
+        self.episodes.set_gravity(gravity)
 
     # -- belief: the oracle's is the truth ------------------------------------------------------------------------
 
@@ -215,8 +177,8 @@ class ReorientVecEnv(VecEnv):
 
     def reset(self) -> Array:
         """Begin episodes everywhere, a list of episodes at its start; ``(E, D) float32``."""
-        if self._listed is not None:
-            self._announce()
+        if self.episodes.listed is not None:
+            self.episodes.announce()
         self.simulation.reset()
         everywhere = np.ones(self.num_envs, bool)
         self._begin(everywhere)
@@ -267,11 +229,10 @@ class ReorientVecEnv(VecEnv):
         theta = self._theta[i]
         success = bool(status == Status.TIME and theta < self.config.success_angle)
         result = EpisodeResult(
-            self._spec[i], float(theta), float(self._theta_min[i]), success, status == Status.DROP, ended["fault"],
-            ended["steps"], float(self._return[i]),
+            self.episodes.present[i], float(theta), float(self._theta_min[i]), success, status == Status.DROP,
+            ended["fault"], ended["steps"], float(self._return[i]),
         )  # fmt: skip
-        if self._number[i] >= 0:
-            self.results[self._number[i]] = result
+        self.episodes.end(i, result)
         self.episode_count += 1
         return {
             "terminal_observation": observation.copy(),
@@ -316,17 +277,15 @@ class ReorientVecEnv(VecEnv):
 
         SB3's learners call this with theirs. With None nothing changes.
         """
-        if seed is not None and self._listed is None:
-            self.seed_value, self._drawn = seed, np.zeros(self.num_envs, np.int64)
-            self._sources = self._training_sources()
-            self._announce()
-        return [self.seed_value] * self.num_envs
+        if seed is not None and self.episodes.listed is None:
+            self.episodes.reseed(seed)
+        return [self.episodes.seed] * self.num_envs
 
     def __reduce__(self) -> tuple:
         """Not supported, and said so: pickle and deepcopy end here."""
         raise TypeError(
             f"{type(self).__name__} can't be copied or pickled: its physics live in worker processes; make another "
-            "from its config and seed_value, and hand on get_state()"
+            "from its config and episodes.seed, and hand on get_state()"
         )
 
 

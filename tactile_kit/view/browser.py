@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import viser
 
-from tactile_kit.task.rotations import to_quaternion
-from tactile_kit.view.errors import ViewError
+from tactile_kit.errors import ViewError
+from tactile_kit.rotations import to_quaternion
 from tactile_kit.view.look import BASIS
 from tactile_kit.view.scene import EYE, TARGET, Lines, Pose, Scene, Shown
 

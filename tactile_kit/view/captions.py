@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tactile_kit.task.rotations import geodesic
+from tactile_kit.rotations import geodesic
 from tactile_kit.view.frames import STEP, Clip, Frame
 from tactile_kit.view.look import Colour
 

@@ -12,11 +12,11 @@ import object_sets
 import randomization
 from object_sets.storage import cache_directory, write_atomic
 from randomization import PRESETS, Randomization, derive
+from tactile_kit.errors import ViewError
 from tactile_kit.evaluation.schedule import EXTENT_RANGE, evaluation_task
+from tactile_kit.rotations import octahedral
 from tactile_kit.task.goals import EpisodeSpec
-from tactile_kit.task.rotations import octahedral
 from tactile_kit.task.variants import Variants, finder_of
-from tactile_kit.view.errors import ViewError
 
 HELD = ""  # the mesh given is that of the object held
 GOALS = 24
@@ -80,7 +80,7 @@ class Choice:
         if not path.exists():
             scratch = path.with_suffix(".tmp.yaml")
             path.parent.mkdir(parents=True, exist_ok=True)
-            physics.to_yaml(scratch)
+            randomization.write_randomization(physics, scratch)
             write_atomic(path, scratch.read_bytes())
             scratch.unlink()
         return str(path)

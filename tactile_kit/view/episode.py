@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tactile_kit.rotations import octahedral
 from tactile_kit.simulation.simulator import Simulator
 from tactile_kit.task.goals import EpisodeSpec
-from tactile_kit.task.rotations import octahedral
 from tactile_kit.view.choice import Choice
 from tactile_kit.view.frames import NO_CONTACTS, STEP, Clip, Contacts, Frame, Pose
 

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from randomization import derive
+from tactile_kit.errors import ViewError
 from tactile_kit.evaluation.schedule import evaluation_task
 from tactile_kit.progress import Counter
+from tactile_kit.rotations import octahedral
 from tactile_kit.task.goals import EpisodeSpec
-from tactile_kit.task.rotations import octahedral
 from tactile_kit.view.episode import Episode
-from tactile_kit.view.errors import ViewError
 from tactile_kit.view.frames import STEP, Clip
 from tactile_kit.view.panel import Panel
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from object_sets import Object
 from tactile_kit.evaluation.schedule import Outcome
-from tactile_kit.task.rotations import geodesic
+from tactile_kit.rotations import geodesic
 
 Array = NDArray[np.float64]
 STEP = 0.1  # s from frame to frame, one control step

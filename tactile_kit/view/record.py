@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from object_sets.storage import write_atomic
+from tactile_kit.errors import ViewError
 from tactile_kit.view import captions
 from tactile_kit.view.browser import Drawing, end, serve
-from tactile_kit.view.errors import ViewError
 from tactile_kit.view.frames import STEP, Clip, Frame
 from tactile_kit.view.scene import ASIDE, LAYERS, Scene
 

@@ -12,9 +12,9 @@ import torch
 from toy_task import ToyEnv
 
 from tactile_kit.agents import Agent, AgentError, load_agent
-from tactile_kit.agents.files import digest, tensor_bytes
 from tactile_kit.agents.networks import InputLayout
 from tactile_kit.agents.warm_start import column_map, warm_start
+from tactile_kit.files import digest, tensor_bytes
 from tactile_kit.runs.config import RunConfig
 from tactile_kit.runs.export import export_agent
 from tactile_kit.runs.training import make_learner

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tactile_kit.agents import load_agent
-from tactile_kit.agents.errors import AgentError
-from tactile_kit.agents.teacher import LAST_RATE, RATE, Teacher, learning_rate, led
+from tactile_kit.agents.teacher import LAST_RATE, RATE, Lessons, Teacher
+from tactile_kit.errors import AgentError
 from tactile_kit.runs import RunConfig, train
 from tactile_kit.runs.metrics import read_metrics
 from tactile_kit.task.vec_env import ReorientVecEnv
@@ -74,13 +74,11 @@ def test_lessons_end_and_returns_take_over(oracle: Path, tmp_path: Path) -> None
 
 
 def test_the_teacher_leads_at_first_and_lets_go() -> None:
-    assert (
-        led(0.0, 8).sum() == 8
-        and led(0.25, 8).sum() == 4
-        and led(0.5, 8).sum() == 0
-        and led(1.0, 8).sum() == 0
-    )
-    assert learning_rate(0.0) == RATE and learning_rate(1.0) == pytest.approx(LAST_RATE) == learning_rate(2.0)
+    lessons = Lessons(None, 100)
+    assert [int(lessons.led(step, 8).sum()) for step in (0, 25, 50, 100)] == [8, 4, 0, 0]
+    assert lessons.learning_rate(0) == RATE
+    assert lessons.learning_rate(100) == pytest.approx(LAST_RATE) == lessons.learning_rate(200)
+    assert [lessons.go_on(step) for step in (0, 100, 101)] == [True, True, False]
 
 
 def test_a_teacher_of_other_actions_is_refused(oracle: Path) -> None:

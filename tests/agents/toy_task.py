@@ -14,7 +14,7 @@ from gymnasium import spaces
 from stable_baselines3.common.vec_env import VecEnv
 
 from randomization import stream
-from tactile_kit.task import rotations
+from tactile_kit import rotations
 
 ACTIONS = 12
 SPEED = 0.3  # rad a step at full action

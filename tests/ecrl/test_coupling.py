@@ -7,12 +7,12 @@ import pytest
 import torch
 from estimator_cases import CUBE, CUBOID, TINY, boxes
 
+from tactile_kit import rotations
 from tactile_kit.ecrl import Coupling, ECRLConfig, Schedule
 from tactile_kit.estimator import EstimatorConfig, EstimatorError, EstimatorTrainer, KalmanFilter, new_cell
 from tactile_kit.estimator.losses import sequence_loss
 from tactile_kit.estimator.recurrence import unroll
 from tactile_kit.shape import encoding
-from tactile_kit.task import rotations
 
 E = 6
 QUICK = ECRLConfig(rollout=5, reuse=2, kept=2, rho_start=0.5, rho_step=0.1)

@@ -12,8 +12,8 @@ from tactile_kit.ecrl import ECRLConfig, TactileVecEnv
 from tactile_kit.ecrl.privileged import TERMS, WIDTH
 from tactile_kit.estimator.fingers import RADII
 from tactile_kit.hand import kinematics
+from tactile_kit.rotations import to_6d
 from tactile_kit.task.config import TaskConfig
-from tactile_kit.task.rotations import to_6d
 from tactile_kit.task.variants import prepare
 
 TASK = TaskConfig(objects="cube", horizon=5, grasps=2)

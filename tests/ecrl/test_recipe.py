@@ -9,10 +9,10 @@ import pytest
 import torch
 
 from tactile_kit.agents import load_agent
-from tactile_kit.agents.files import read_tensors
 from tactile_kit.agents.manifest import read_manifest
 from tactile_kit.evaluation import EvaluationError
 from tactile_kit.evaluation.estimates import Followed, follow
+from tactile_kit.files import read_tensors
 from tactile_kit.runs import RunConfig, train
 from tactile_kit.runs.metrics import read_metrics
 

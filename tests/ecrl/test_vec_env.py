@@ -11,10 +11,10 @@ from estimator_cases import TINY
 
 from tactile_kit.ecrl import ECRLConfig, TactileVecEnv
 from tactile_kit.estimator import EstimatorCell, EstimatorConfig, EstimatorError, KalmanFilter, Rest, new_cell
+from tactile_kit.rotations import octahedral, to_6d
 from tactile_kit.shape import ENCODINGS
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.goals import EpisodeSpec
-from tactile_kit.task.rotations import octahedral, to_6d
 from tactile_kit.task.variants import Variants, prepare
 from tactile_kit.task.vec_env import ReorientVecEnv
 
@@ -185,7 +185,7 @@ def test_state_moves_to_another_environment(build) -> None:
 def test_the_estimators_encoding_may_differ_from_the_policys(build, name: str) -> None:
     env = build(estimator=TINY.model_copy(update={"encoding": name}))
     run(env, 5)
-    assert env.estimator.shape_name == name
+    assert env.estimator.shape.name == name
     assert env.layout.sizes["shape"] == 192
     assert env.coupling.iteration == 1
 

@@ -6,10 +6,10 @@ import numpy as np
 import torch
 import trimesh
 
+from tactile_kit import rotations
 from tactile_kit.estimator import EstimatorConfig, Sequences, cell_of
 from tactile_kit.estimator.state import EstimatorState
 from tactile_kit.shape import MeshTable, encoding
-from tactile_kit.task import rotations
 
 TINY = EstimatorConfig(
     encoder_hidden=(24,), transition_hidden=(32, 32), sigma_hidden=(16,), features=8, latent=6, minibatch=16

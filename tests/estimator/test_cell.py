@@ -32,7 +32,7 @@ def test_paper_sizes() -> None:
 
 
 def test_config_refuses_what_it_does_not_know() -> None:
-    with pytest.raises(ValidationError, match="did you mean 'latent'"):
+    with pytest.raises(ValidationError, match="nearest valid name: 'latent'"):
         EstimatorConfig(latents=3)
     with pytest.raises(ValidationError, match="frozen"):
         EstimatorConfig().latent = 3

@@ -10,13 +10,13 @@ from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from pydantic import ValidationError
 from scipy.optimize import least_squares
 
+from tactile_kit import rotations
 from tactile_kit.estimator import EstimatorError, KalmanConfig, KalmanFilter
 from tactile_kit.estimator.fingers import MEMORY, fingers, spheres
 from tactile_kit.estimator.kalman import COVARIANCE, Held, N, Pose, contacts, process
 from tactile_kit.estimator.unscented import Unscented
 from tactile_kit.hand import kinematics
 from tactile_kit.shape import PoseError, encoding
-from tactile_kit.task import rotations
 
 GRASP = kinematics.MEAN_GRASP
 MESH = torch.zeros(1, dtype=torch.int64)

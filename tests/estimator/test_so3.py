@@ -8,9 +8,9 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tactile_kit import rotations
 from tactile_kit.estimator import so3, turn
 from tactile_kit.estimator.turn import turned
-from tactile_kit.task import rotations
 
 ANGLES = [0.0, 1e-12, 1e-8, 1e-4, 9.99e-3, 0.0101, 1.0, 3.0, np.pi - 1e-4, np.pi - 1e-8, np.pi]
 AXES = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0.6, 0, -0.8), (0.36, 0.48, 0.8)]

@@ -8,7 +8,7 @@ import pytest
 import randomization
 from tactile_kit.evaluation import EvaluationError
 from tactile_kit.evaluation.cases import Body, goal_rotation, make_cases, make_episodes
-from tactile_kit.task.rotations import octahedral
+from tactile_kit.rotations import octahedral
 
 NOMINAL = [Body("cube", 0, True), Body("apple", 0, True), Body("cylinder", 0, True)]
 RANDOM = [

@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from tactile_kit.agents.agent import load_agent
+from tactile_kit.errors import EvaluationError
 from tactile_kit.estimator import KalmanFilter, Rest
-from tactile_kit.evaluation.errors import EvaluationError
 from tactile_kit.evaluation.estimates import follow
 from tactile_kit.evaluation.estimators import told
 

@@ -7,8 +7,8 @@ import trimesh
 
 import object_sets
 from reproduce.cli import main
+from tactile_kit.errors import EvaluationError
 from tactile_kit.evaluation import schedule as module
-from tactile_kit.evaluation.errors import EvaluationError
 from tactile_kit.evaluation.schedule import schedule
 from tactile_kit.simulation.grasps import GraspError
 from tactile_kit.task.config import TaskConfig

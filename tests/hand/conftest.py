@@ -9,8 +9,8 @@ import pytest
 
 from tactile_kit.hand import kinematics
 from tactile_kit.hand.urdf import hand_urdf
+from tactile_kit.rotations import to_quaternion
 from tactile_kit.simulation.client import Client
-from tactile_kit.task.rotations import to_quaternion
 
 
 @pytest.fixture(scope="package")

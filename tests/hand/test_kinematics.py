@@ -9,7 +9,7 @@ import trimesh
 from tactile_kit.hand import kinematics
 from tactile_kit.hand.controller import finger_mass_matrices
 from tactile_kit.hand.kinematics import DISTAL, MIDDLE, PROXIMAL
-from tactile_kit.task.rotations import from_quaternion, geodesic
+from tactile_kit.rotations import from_quaternion, geodesic
 
 # Centres of the tip spheres at the mean grasp, rounded to a millimetre where they were published.
 TIPS = np.array(

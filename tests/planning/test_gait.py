@@ -12,8 +12,8 @@ from tactile_kit.hand.kinematics import DRIVEN_INDEX
 from tactile_kit.planning import laws
 from tactile_kit.planning.gait import LIFTS, Gait, Gaits, Move, random_move
 from tactile_kit.planning.planner import angle_between
+from tactile_kit.rotations import exp
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator
-from tactile_kit.task.rotations import exp
 
 
 @pytest.fixture

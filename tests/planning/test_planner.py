@@ -10,8 +10,8 @@ import pytest
 import randomization
 from tactile_kit.planning import Planner, PlannerConfig
 from tactile_kit.planning.gait import Move
+from tactile_kit.rotations import exp, geodesic
 from tactile_kit.simulation.simulator import Status
-from tactile_kit.task.rotations import exp, geodesic
 
 
 @pytest.fixture

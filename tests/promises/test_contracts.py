@@ -12,14 +12,14 @@ from hypothesis.extra.numpy import arrays
 
 import object_sets
 from tactile_kit.hand import kinematics
+from tactile_kit.rotations import octahedral, random_rotations, to_6d
 from tactile_kit.shape import ENCODINGS, MeshTable, encoding
 from tactile_kit.task.actions import ActionError
 from tactile_kit.task.config import RewardConfig
 from tactile_kit.task.env import ReorientEnv
 from tactile_kit.task.goals import EpisodeSpec
-from tactile_kit.task.observation import WITH_POSE, Belief, Observer, layout_of
+from tactile_kit.task.observation import Belief, Observer, layout_of
 from tactile_kit.task.reward import reward_terms
-from tactile_kit.task.rotations import octahedral, random_rotations, to_6d
 
 OBJECTS = tuple(object_sets.load("all"))
 seeds = st.integers(0, 2**32 - 1)
@@ -53,7 +53,7 @@ def test_observations(meshes: MeshTable, name: str) -> None:
             *(["shape"] if shape.observation_size else []),
             *(["sigma"] if sigma else []),
         }
-        given_terms |= {"pose"} if pose and name in WITH_POSE else set()
+        given_terms |= {"pose"} if pose and shape.pose_beside else set()
         assert list(layout) == [term for term in sizes if term in given_terms]
         assert {term: part.stop - part.start for term, part in layout.items()} == {
             t: sizes[t] for t in layout

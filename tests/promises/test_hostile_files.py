@@ -11,7 +11,7 @@ import pytest
 import torch
 
 import randomization
-from tactile_kit.agents.files import digest, tensor_bytes
+from tactile_kit.files import digest, tensor_bytes
 from tactile_kit.runs import CheckpointError, ConfigError, RunConfig
 from tactile_kit.runs import checkpoint as checkpoints
 

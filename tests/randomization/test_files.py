@@ -5,7 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from randomization import PRESETS, Direction, Randomization, RandomizationError, Uniform, preset
+from randomization import (
+    PRESETS,
+    Direction,
+    RandomizationError,
+    Uniform,
+    preset,
+    read_randomization,
+    write_randomization,
+)
 from randomization.table import page
 
 OWN = """
@@ -23,7 +31,7 @@ def write(folder: Path, text: str) -> Path:
 
 
 def test_an_own_file_replaces_what_it_names(tmp_path):
-    own, default = Randomization.from_yaml(write(tmp_path, OWN)), preset("default")
+    own, default = read_randomization(write(tmp_path, OWN)), preset("default")
     assert own.name == "own"
     assert own.terms["kp"].distribution == Uniform(4, 6) and own.terms["kp"].source == "ours"
     assert own.terms["force"].distribution == Direction(Uniform(0, 0.1))
@@ -33,14 +41,14 @@ def test_an_own_file_replaces_what_it_names(tmp_path):
 
 
 def test_the_order_of_terms_is_the_documentation_s(tmp_path):
-    own = Randomization.from_yaml(write(tmp_path, OWN))
+    own = read_randomization(write(tmp_path, OWN))
     assert list(own.terms) == list(preset("none").terms)
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_writing_and_reading_gives_the_same(tmp_path, name):
-    preset(name).to_yaml(tmp_path / "copy.yaml")
-    copy = Randomization.from_yaml(tmp_path / "copy.yaml")
+    write_randomization(preset(name), tmp_path / "copy.yaml")
+    copy = read_randomization(tmp_path / "copy.yaml")
     assert copy == preset(name) and copy.summary == preset(name).summary
     assert np.array_equal(copy.draw_steps(1, 3)["joint_noise"], preset(name).draw_steps(1, 3)["joint_noise"])
 
@@ -92,7 +100,7 @@ def test_every_value_of_a_preset_names_its_source(name):
 )
 def test_bad_files_are_refused_by_name(tmp_path, text, message):
     with pytest.raises(RandomizationError, match=message):
-        Randomization.from_yaml(write(tmp_path, text))
+        read_randomization(write(tmp_path, text))
 
 
 def test_a_missing_file_and_an_unknown_preset_are_refused(tmp_path):
@@ -111,5 +119,5 @@ def test_the_page_names_every_term_and_its_example_loads(tmp_path):
     text = page()
     assert all(text.count(f"| `{name}`") == 2 for name in preset("none").terms)
     example = text.split("```yaml\n")[1].split("```")[0]
-    own = Randomization.from_yaml(write(tmp_path, example))
+    own = read_randomization(write(tmp_path, example))
     assert own.terms["tip_friction"].distribution == Uniform(0.3, 0.6)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import object_sets
+from reproduce.artefacts.learning import CURVES
 from reproduce.claims import NOT_MEASURED, NOT_REPRODUCED, REPRODUCED, judge_all
-from reproduce.inventory import ABLATED, BENCHMARK, CURVES, ORACLE, TACTILE
+from reproduce.inventory import ABLATED, BENCHMARK, ORACLE, TACTILE
 
 THINGS = {thing.id: thing for thing in object_sets.load("all")}
 ALL = set(range(1, 17))

@@ -79,7 +79,7 @@ def test_other_settings_are_refused_by_name(command, capsys):
 @pytest.mark.parametrize(
     "content, words",
     [
-        ("{plnas: 6}", ["plnas", "did you mean 'plans'"]),
+        ("{plnas: 6}", ["plnas", "nearest valid name: 'plans'"]),
         ("{steps_per_second: 90}", ["steps_per_second", "multiple of 60"]),
         ("[6]", ["PlannerConfig"]),
     ],

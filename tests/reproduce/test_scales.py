@@ -6,9 +6,10 @@ import json
 
 import pytest
 
+from reproduce.artefacts.learning import CURVES
 from reproduce.errors import ReproduceError, ScaleError
 from reproduce.files import ROOT, read_yaml
-from reproduce.inventory import ABLATED, BENCHMARK, CURVES, NEEDS, PLANNER, TRANSFER, inventory
+from reproduce.inventory import ABLATED, BENCHMARK, NEEDS, PLANNER, TRANSFER, inventory
 from reproduce.plan import ARTEFACTS, default_out, make_plan
 from reproduce.prepare import prepare, weight
 from reproduce.scales import load_scale, parse_scale, split_variant

@@ -67,8 +67,8 @@ def test_parts_of_nested_settings_keep_the_other_defaults() -> None:
 @pytest.mark.parametrize(
     ("data", "match"),
     [
-        ({"stpes": 5}, "stpes: unknown; nearest: 'steps'"),
-        ({"ppo": {"minibach": 5}}, r"ppo\.minibach: unknown; nearest: 'minibatch'"),
+        ({"stpes": 5}, "stpes: unknown; nearest valid name: 'steps'"),
+        ({"ppo": {"minibach": 5}}, r"ppo\.minibach: unknown; nearest valid name: 'minibatch'"),
         ({"steps": -1}, "steps.*greater than 0.*-1"),
         ({"task": {"objekts": "cube"}}, "objects"),
         ({"gravity": {"start": 90}}, r"gravity\.start.*20"),
@@ -121,7 +121,7 @@ def test_only_training_episodes_are_eased() -> None:
         RunConfig.build({"episodes": {"engine": "warp"}})
     with pytest.raises(ConfigError, match=r"drag = 20.*Bullet"):
         RunConfig.build({"episodes": {"engine": "bullet", "drag": 20}})
-    with pytest.raises(ConfigError, match=r"episodes.support: unknown; allowed: drag"):
+    with pytest.raises(ConfigError, match=r"episodes.support: unknown; valid names: drag"):
         RunConfig.build({"episodes": {"support": 5}})
 
 

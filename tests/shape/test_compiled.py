@@ -14,7 +14,7 @@ import torch
 import object_sets
 from tactile_kit.shape import MeshTable, kernels
 from tactile_kit.shape.function import bps_vectors
-from tactile_kit.task.rotations import random_rotations
+from tactile_kit.rotations import random_rotations
 things = object_sets.select("geometric8,elephant")  # the last one is searched through boxes
 table = MeshTable.from_meshes([(thing.vertices, thing.faces) for thing in things])
 rng = np.random.default_rng(0)

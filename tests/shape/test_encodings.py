@@ -117,7 +117,7 @@ def test_refuses_what_is_no_rotation(dtype: torch.dtype) -> None:
 
 
 def test_unknown_name() -> None:
-    with pytest.raises(ValueError, match="'vec_bp': did you mean 'vec_bps'"):
+    with pytest.raises(ValueError, match="'vec_bp'; nearest valid name: 'vec_bps'"):
         encoding("vec_bp", TABLE)
 
 

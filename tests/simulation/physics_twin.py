@@ -10,11 +10,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from tactile_kit.rotations import exp, from_quaternion, to_quaternion
 from tactile_kit.simulation.compiled.contacts import ERP, REACH
 from tactile_kit.simulation.compiled.rows import BALLS, FINGERS, SAMPLES, SHAPES, TIP_BALLS
 from tactile_kit.simulation.compiled.solver import RESIDUAL
 from tactile_kit.simulation.compiled.tables import hand_tables
-from tactile_kit.task.rotations import exp, from_quaternion, to_quaternion
 
 HAND = hand_tables()
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from tactile_kit.rotations import exp, random_rotations, to_quaternion
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.client import Client
-from tactile_kit.task.rotations import exp, random_rotations, to_quaternion
 
 MARGIN = 1e-3  # m, by which Bullet's convex hulls are larger
 # Principal axes along the mesh's, turned by 45° with an offset centre of mass, and offset along one axis.

@@ -14,13 +14,13 @@ import pytest
 
 import randomization
 from tactile_kit.hand import kinematics
+from tactile_kit.rotations import geodesic
 from tactile_kit.shape import MeshTable
 from tactile_kit.simulation.banks import grasps_of
 from tactile_kit.simulation.compiled import CompiledSimulation
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Status
 from tactile_kit.simulation.vector import Blueprint, VectorSimulation
-from tactile_kit.task.rotations import geodesic
 
 COUNT = 24
 

@@ -8,6 +8,7 @@ import pytest
 import randomization
 from tactile_kit.evaluation.schedule import evaluation_task
 from tactile_kit.hand import kinematics
+from tactile_kit.rotations import geodesic, random_rotations
 from tactile_kit.shape import MeshTable
 from tactile_kit.simulation.banks import bank_file
 from tactile_kit.simulation.bodies import Body
@@ -17,7 +18,6 @@ from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.grasps import GraspError, Tries, draw_tries, try_grasp
 from tactile_kit.simulation.simulator import dropped
 from tactile_kit.task.config import TaskConfig
-from tactile_kit.task.rotations import geodesic, random_rotations
 from tactile_kit.task.variants import finder_of, prepare
 
 SPREAD = 0.1

@@ -15,6 +15,7 @@ import randomization
 from tactile_kit.simulation import dump as dumps
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.grasps import GraspBank
+from tactile_kit.simulation.replay import replay
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator, Status
 from tactile_kit.simulation.vector import MAX_DUMPS, Blueprint, VectorSimulation
 
@@ -140,7 +141,7 @@ def test_a_fault_is_played_again_from_its_file(build, bank, tmp_path: Path) -> N
             and found.start["seed"] == 5
             and len(found.actions) == simulator.elapsed
         )
-        assert dumps.replay(found, other) == Status.FAULT
+        assert replay(found, other) == Status.FAULT
         assert other.fault == found.fault and other.elapsed == simulator.elapsed
         for mine, theirs in zip(state(other), state(simulator), strict=True):
             np.testing.assert_array_equal(mine, theirs)
@@ -160,12 +161,12 @@ def test_another_simulation_is_told_apart(build, dump: dumps.Dump) -> None:
         (build(preset="none"), "joint_offset"),
     ):
         with pytest.raises(dumps.DumpError, match=match):
-            dumps.replay(dump, other)
+            replay(dump, other)
     with pytest.raises(dumps.DumpError, match="body: 'cube' -> None"):
-        dumps.replay(dataclasses.replace(dump, start={**dump.start, "variant": 7}), build())
+        replay(dataclasses.replace(dump, start={**dump.start, "variant": 7}), build())
     bent = {**dump.state, "position": dump.state["position"] + 1e-9}
     with pytest.raises(dumps.DumpError, match="differs from the dump's in position"):
-        dumps.replay(dataclasses.replace(dump, state=bent), build())
+        replay(dataclasses.replace(dump, state=bent), build())
 
 
 class Bomb:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tactile_kit.hand import kinematics
+from tactile_kit.rotations import geodesic
 from tactile_kit.simulation import grasps
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.grasps import GraspBank, GraspError, find_grasps
-from tactile_kit.task.rotations import geodesic
 
 
 def test_every_grasp_of_the_bank_holds_for_a_second(bank, bodies, make_world, physics) -> None:

@@ -13,9 +13,9 @@ import pytest
 import randomization
 from tactile_kit.hand import kinematics
 from tactile_kit.hand.kinematics import DRIVEN_INDEX, MEAN_GRASP
+from tactile_kit.rotations import exp, geodesic
 from tactile_kit.simulation.simulator import Simulator
 from tactile_kit.simulation.world import LOADS_A_SCENE, Grasp, World
-from tactile_kit.task.rotations import exp, geodesic
 
 DIGEST_IN_A_NEW_PROCESS = """
 import sys, hashlib

@@ -57,7 +57,7 @@ def test_a_resting_hand_holds_in_both_environments(own_cache: None) -> None:
     one = gymnasium.make("tactile_kit/Reorient-v0", config=task, disable_env_checker=True).unwrapped
     try:
         many.reset()
-        one.reset(options={"episode": many._spec[0]})
+        one.reset(options={"episode": many.episodes.present[0]})
         for _ in range(100):
             first, _, dones, infos = many.step(np.zeros((2, 12)))
             assert not any(info.get("drop") for info in infos)

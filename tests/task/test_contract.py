@@ -25,7 +25,7 @@ def batch():
 
 def first_episodes(env):
     env.reset()
-    return [env._spec[i].seed for i in range(2)]
+    return [env.episodes.present[i].seed for i in range(2)]
 
 
 def test_seed_changes_the_episodes_and_repeats_them(batch):
@@ -45,7 +45,7 @@ def test_seed_changes_the_episodes_and_repeats_them(batch):
 
 def test_seed_leaves_a_list_alone(batch):
     batch.reset()
-    specs = [batch._spec[0], batch._spec[1]]
+    specs = [batch.episodes.present[0], batch.episodes.present[1]]
     listed = tactile_kit.make_vec(TASK, num_envs=2, num_workers=0, episodes=specs)
     listed.seed(5)
     assert first_episodes(listed) == [spec.seed for spec in specs]
@@ -58,7 +58,9 @@ def test_seed_of_a_learner(batch):
     def learn(seed):
         model = PPO("MlpPolicy", batch, n_steps=2, batch_size=4, seed=seed, device="cpu")
         model.learn(4)
-        return [batch._spec[i].seed for i in range(2)], model.policy.state_dict()["action_net.bias"].numpy()
+        return [batch.episodes.present[i].seed for i in range(2)], model.policy.state_dict()[
+            "action_net.bias"
+        ].numpy()
 
     (one, first), (two, second), (other, _) = learn(1), learn(1), learn(2)
     assert one == two and one != other

@@ -12,11 +12,11 @@ from gymnasium.utils.env_checker import check_env as gymnasium_check
 from stable_baselines3.common.env_checker import check_env as sb3_check
 
 import tactile_kit
+from tactile_kit.rotations import exp, from_6d, geodesic
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE
 from tactile_kit.task.actions import ActionError
 from tactile_kit.task.env import ReorientEnv
 from tactile_kit.task.goals import EpisodeSpec
-from tactile_kit.task.rotations import exp, from_6d, geodesic
 
 SETTINGS: dict[str, Any] = {"objects": "cube,l_shape", "horizon": 5, "grasps": 2}
 

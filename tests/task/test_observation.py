@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from tactile_kit.rotations import exp, from_6d, geodesic, random_rotations, to_6d
 from tactile_kit.shape import ENCODINGS
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
 from tactile_kit.task.observation import Belief, goal_term
-from tactile_kit.task.rotations import exp, from_6d, geodesic, random_rotations, to_6d
 
 # Inputs of the network but for pointnet, whose 64 features are learned from 256 points: oracle and tactile.
 SIZES = {

@@ -11,7 +11,7 @@ CONFIG = TaskConfig(objects="cube", grasps=2, horizon=3)
 
 def started(env: ReorientVecEnv) -> list:
     env.reset()
-    return [(env.state.goal[i].copy(), env._spec[i].seed) for i in range(env.num_envs)]
+    return [(env.state.goal[i].copy(), env.episodes.present[i].seed) for i in range(env.num_envs)]
 
 
 def test_state_names_the_announced_episodes_and_brings_them_back():

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tactile_kit.hand.kinematics import MEAN_GRASP
+from tactile_kit.rotations import exp, geodesic, octahedral
 from tactile_kit.task.config import RewardConfig
 from tactile_kit.task.reward import reward_terms, rotation_term
-from tactile_kit.task.rotations import exp, geodesic, octahedral
 
 PAPER = RewardConfig()
 HERE = np.zeros((1, 3))

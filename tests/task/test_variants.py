@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from object_sets import UnknownObjectError
+from tactile_kit.rotations import geodesic, octahedral
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.goals import training_episodes
-from tactile_kit.task.rotations import geodesic, octahedral
 from tactile_kit.task.variants import prepare
 
 

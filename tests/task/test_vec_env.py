@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import tactile_kit
+from tactile_kit.rotations import exp, geodesic, octahedral, to_6d
 from tactile_kit.simulation.vector import WorkerError
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.env import ReorientEnv
 from tactile_kit.task.goals import EpisodeSpec
-from tactile_kit.task.rotations import exp, geodesic, octahedral, to_6d
 
 
 def specs(count: int) -> list[EpisodeSpec]:

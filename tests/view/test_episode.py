@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from object_sets import UnknownObjectError
-from tactile_kit.task.rotations import geodesic, octahedral
+from tactile_kit.errors import ViewError
+from tactile_kit.rotations import geodesic, octahedral
 from tactile_kit.view.choice import Choice
 from tactile_kit.view.episode import Episode, goal_names
-from tactile_kit.view.errors import ViewError
 from tactile_kit.view.frames import Clip
 
 

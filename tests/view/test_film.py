@@ -6,8 +6,8 @@ import imageio.v3 as imageio
 import numpy as np
 import pytest
 
+from tactile_kit.errors import ViewError
 from tactile_kit.view import captions
-from tactile_kit.view.errors import ViewError
 from tactile_kit.view.film import film
 from tactile_kit.view.frames import Clip
 from tactile_kit.view.look import FACES

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from reproduce.cli import main
-from tactile_kit.view.errors import ViewError
+from tactile_kit.errors import ViewError
 from tactile_kit.view.frames import Clip
 from tactile_kit.view.record import record
 

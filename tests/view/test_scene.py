@@ -7,8 +7,8 @@ import pytest
 
 import object_sets
 from tactile_kit.hand import kinematics
+from tactile_kit.rotations import octahedral
 from tactile_kit.shape import MeshTable, VecBPS
-from tactile_kit.task.rotations import octahedral
 from tactile_kit.view import look
 from tactile_kit.view.frames import Clip, Contacts, Frame, Pose
 from tactile_kit.view.raster import Camera, draw

@@ -7,8 +7,8 @@ import time
 
 import pytest
 
+from tactile_kit.errors import ViewError
 from tactile_kit.view.choice import Choice
-from tactile_kit.view.errors import ViewError
 from tactile_kit.view.viewer import Viewer
 
 PATIENCE = 40.0  # s; a picture takes a second where WebGL is software and the machine is busy

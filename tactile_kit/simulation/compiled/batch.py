@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from tactile_kit.hand import kinematics
 from tactile_kit.hand.controller import TORQUE_LIMIT, damping_matrices, gravity_torques
+from tactile_kit.rotations import from_quaternion, to_quaternion
 from tactile_kit.shape import MeshTable
 from tactile_kit.simulation.bodies import MIN_MASS, Body
 from tactile_kit.simulation.compiled import kernel
@@ -22,7 +23,6 @@ from tactile_kit.simulation.compiled.lanes import LANES
 from tactile_kit.simulation.compiled.rows import FINGERS, FIRST_WRITTEN, ROWS, SHAPES, SIZES, Quantities, at
 from tactile_kit.simulation.compiled.tables import distance_grids, hand_tables
 from tactile_kit.simulation.config import SimulationConfig
-from tactile_kit.task.rotations import from_quaternion, to_quaternion
 
 Array = NDArray[Any]
 JOINTS = (kinematics.FINGERS, kinematics.DRIVEN)

@@ -1,4 +1,4 @@
-"""Writing and reading the files of an agent and of checkpoints: atomic, with digests, never a pickle."""
+"""Writing and reading files: atomic, with digests, never a pickle. torch is imported where tensors are asked for."""
 
 from __future__ import annotations
 
@@ -9,13 +9,12 @@ import re
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import safetensors
-import safetensors.torch
-from torch import Tensor
+from tactile_kit.errors import AgentError
 
-from tactile_kit.agents.errors import AgentError
+if TYPE_CHECKING:
+    from torch import Tensor
 
 
 def digest(data: bytes) -> str:
@@ -24,7 +23,8 @@ def digest(data: bytes) -> str:
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """``path`` holds either what it held before or all of ``data``, also after a power cut."""
+    """``path`` holds either what it held before or all of ``data``, also after a power cut. Its folder is made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
@@ -86,6 +86,8 @@ def sync_directory(path: Path) -> None:
 
 def tensor_bytes(tensors: Mapping[str, Tensor]) -> bytes:
     """Tensors in safetensors form; shared storage is written once for each name."""
+    import safetensors.torch
+
     return safetensors.torch.save(
         {name: tensor.detach().clone().contiguous() for name, tensor in tensors.items()}
     )
@@ -114,6 +116,8 @@ def read_tensors(path: Path, expected: str, error: type[ValueError] = AgentError
 
     After a kill the file of that digest may still be waiting to take its place (see :func:`replace_together`).
     """
+    import safetensors.torch
+
     problem = f"{path}: No such file or directory"
     for candidate in (path, staged(path)):
         try:

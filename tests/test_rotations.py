@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from tactile_kit.task.rotations import (
+from tactile_kit.rotations import (
     exp,
     from_6d,
     from_quaternion,

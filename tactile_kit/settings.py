@@ -1,0 +1,47 @@
+"""The base of all settings, and what it says of those that are wrong."""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
+
+from tactile_kit.errors import nearest
+
+_UNKNOWN = "unknown_setting"
+
+
+class Settings(BaseModel):
+    """Frozen; unknown keys fail with the nearest valid name."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, values: Any) -> Any:
+        if isinstance(values, Mapping):
+            known = [field.alias or name for name, field in cls.model_fields.items()]
+            unknown = [f"{key}: unknown{nearest(key, known)}" for key in values if key not in known]
+            if unknown:
+                raise PydanticCustomError(_UNKNOWN, "{keys}", {"keys": "; ".join(unknown)})
+        return values
+
+
+def explain(problem: ValidationError) -> str:
+    """What pydantic found wrong, in one line: each setting's dotted name, what is allowed, and what was given."""
+    lines = []
+    for error in problem.errors():
+        place, said = ".".join(map(str, error["loc"])), error["msg"].removeprefix("Value error, ")
+        text = (".".join if error["type"] == _UNKNOWN else ": ".join)(filter(None, [place, said]))
+        lines.append(
+            text if isinstance(error["input"], Mapping) else f"{text} (given: {short(error['input'])})"
+        )
+    return "; ".join(lines)
+
+
+def short(value: Any) -> str:
+    """``repr``, but aliases can make a few lines of YAML a value of any length."""
+    return reprlib.repr(value)[:200]
