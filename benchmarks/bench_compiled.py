@@ -21,7 +21,7 @@ from tactile_kit.evaluation.intervals import wilson
 from tactile_kit.hand import kinematics
 from tactile_kit.rotations import geodesic
 from tactile_kit.shape import MeshTable
-from tactile_kit.simulation.banks import grasps_of
+from tactile_kit.simulation.banks import BulletFinder, find_banks
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.compiled import CompiledSimulation
 from tactile_kit.simulation.config import SimulationConfig
@@ -45,7 +45,9 @@ class Scenes:
         self.things = object_sets.select("paper")
         self.bodies = [Body(thing) for thing in self.things]
         self.meshes = MeshTable.from_meshes([(thing.vertices, thing.faces) for thing in self.things])
-        self.bank = grasps_of(self.things, grasps, SimulationConfig())
+        self.bank = find_banks(BulletFinder(grasps, SimulationConfig()), [[thing] for thing in self.things])[
+            1
+        ]
         self.count = grasps * len(self.things)
         self.object = np.arange(self.count) % len(self.things)
         walk = randomization.stream(0, "benchmark", "walk").normal(

@@ -25,7 +25,7 @@ from tactile_kit.evaluation.intervals import wilson
 from tactile_kit.hand import kinematics
 from tactile_kit.hand.controller import finger_mass_matrices
 from tactile_kit.rotations import geodesic, random_rotations
-from tactile_kit.simulation.banks import grasps_of
+from tactile_kit.simulation.banks import BulletFinder, find_banks
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.grasps import GraspBank, try_grasp
@@ -46,7 +46,9 @@ class Scenes:
         self.things = object_sets.load("all")
         self.bodies = [Body(thing) for thing in self.things]
         self.count = grasps
-        self.bank: GraspBank = grasps_of(self.things, grasps, SimulationConfig())
+        self.bank: GraspBank = find_banks(
+            BulletFinder(grasps, SimulationConfig()), [[thing] for thing in self.things]
+        )[1]
         self.physics = randomization.preset("none").draw("episode", 0)
 
     def __iter__(self) -> Any:

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+DEFAULT_MASS = 0.05  # kg, of objects whose mass is unknown: the paper's objects
+
 # Moments of the reference tetrahedron (0, a, b, c): integral of x_i x_j = det/120 * sum over corners, plus the square
 # of their sum, as in any text on polyhedral mass properties.
 

@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 from reproduce.files import write_atomic
+from tactile_kit.progress import duration
 
 
 class Heartbeat:
@@ -51,11 +52,3 @@ def read(pipeline: Path, job: str) -> dict | None:
         return json.loads(file_of(pipeline, job).read_text(encoding="utf-8"))
     except (FileNotFoundError, json.JSONDecodeError):
         return None
-
-
-def duration(seconds: float) -> str:
-    """95 -> '1:35', 4000 -> '1 h 06'."""
-    seconds = round(seconds)
-    if seconds < 3600:
-        return f"{seconds // 60}:{seconds % 60:02d}"
-    return f"{seconds // 3600} h {seconds % 3600 // 60:02d}"

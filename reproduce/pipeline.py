@@ -16,10 +16,10 @@ from pathlib import Path
 from reproduce import heartbeat, owner
 from reproduce.errors import ReproduceError
 from reproduce.files import ROOT, shown
-from reproduce.heartbeat import duration
 from reproduce.plan import Plan
 from reproduce.prepare import describe, prepare
 from reproduce.progress import Progress
+from tactile_kit.progress import duration
 
 _STAGE = re.compile(r"-m reproduce stage (\S+)(?: (\S+))? --pipeline")
 _SECONDS = {"objects": 2.0, "grasps": 60.0}  # rough cost of jobs, for the time left only

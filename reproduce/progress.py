@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from reproduce import heartbeat
-from reproduce.heartbeat import duration
+from tactile_kit.progress import duration
 
 PLAIN_EVERY = 20.0  # s between plain lines
 

@@ -71,13 +71,14 @@ class Counter:
     def _text(self, now: int) -> str:
         done = now - self.start
         seconds = time.monotonic() - self._begin
-        left = _duration(seconds / done * (self.total - now)) if done else "?"
+        left = duration(seconds / done * (self.total - now)) if done else "?"
         rate = done / seconds if seconds else 0.0
         speed = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"
         return f"{now:,}/{self.total:,} {self.unit}, {speed}/s, {left} left"
 
 
-def _duration(seconds: float) -> str:
-    minutes, seconds = divmod(int(seconds), 60)
+def duration(seconds: float) -> str:
+    """95 -> '1:35', 4000 -> '1:06:40'."""
+    minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes}:{seconds:02d}"

@@ -56,14 +56,6 @@ def to_6d(rotation: Array) -> Array:
     return np.concatenate([rotation[..., :, 0], rotation[..., :, 1]], axis=-1)
 
 
-def from_6d(vector: Array) -> Array:
-    """Inverse of :func:`to_6d` by Gram-Schmidt: ``(..., 6)`` to ``(..., 3, 3)``."""
-    first = vector[..., :3] / np.linalg.norm(vector[..., :3], axis=-1, keepdims=True)
-    second = vector[..., 3:] - (first * vector[..., 3:]).sum(-1, keepdims=True) * first
-    second = second / np.linalg.norm(second, axis=-1, keepdims=True)
-    return np.stack([first, second, np.cross(first, second)], axis=-1)
-
-
 def exp(vector: Array) -> Array:
     """Rotation by ``|v|`` rad about ``v``: ``(..., 3)`` to ``(..., 3, 3)``."""
     vector = np.asarray(vector)

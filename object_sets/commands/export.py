@@ -27,7 +27,8 @@ class Export:
     def run(self) -> int:
         """Write the files and name them."""
         from object_sets import select
-        from object_sets.exporters import DEFAULT_MASS, export
+        from object_sets.exporters import export
+        from object_sets.mass import DEFAULT_MASS
 
         chosen = select(self.objects)
         for file in export(chosen, self.out, self.format, mass=self.mass, density=self.density):

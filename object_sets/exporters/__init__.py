@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from object_sets.errors import ObjectSetError, nearest
+from object_sets.mass import DEFAULT_MASS
 from object_sets.objects import Object
 from object_sets.storage import write_atomic
 
 FORMATS = ("urdf", "mjcf", "usd", "obj")
-DEFAULT_MASS = 0.05  # kg, of objects whose mass is unknown: the paper's objects
 
 
 def export(

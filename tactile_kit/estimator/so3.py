@@ -88,15 +88,6 @@ def log(rotation: Tensor) -> Tensor:
     return factor[..., None] * v
 
 
-def orthonormalise(rotation: Tensor) -> Tensor:
-    """One Newton step towards the nearest rotation: removes the rounding that products gather, ``(..., 3, 3)``.
-
-    Quadratic: an error of 1e-4 becomes 1e-8. Its derivative along the manifold is the identity.
-    """
-    eye = torch.eye(3, dtype=rotation.dtype, device=rotation.device)
-    return rotation @ (1.5 * eye - 0.5 * rotation.transpose(-1, -2) @ rotation)
-
-
 def to_6d(rotation: Tensor) -> Tensor:
     """First two columns, one after the other: ``(..., 3, 3)`` to ``(..., 6)``."""
     return rotation[..., :, :2].transpose(-1, -2).flatten(-2)

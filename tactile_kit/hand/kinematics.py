@@ -20,7 +20,6 @@ DRIVEN = 3  # driven joints a finger
 JOINTS = FINGERS * DRIVEN  # 12, the policy's degrees of freedom
 ALL_JOINTS = FINGERS * 4  # 16, with the passive distal joints
 DRIVEN_INDEX = np.array([4 * finger + joint for finger in range(FINGERS) for joint in range(DRIVEN)])
-PASSIVE_INDEX = np.array([4 * finger + 3 for finger in range(FINGERS)])
 TENDON = np.array(
     [[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1]]
 )  # a finger's four joints from its three drives

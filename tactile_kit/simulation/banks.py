@@ -135,13 +135,6 @@ def find_banks(
     return held, GraspBank.joined([_read(bank_file(finder, thing)) for thing in held])
 
 
-def grasps_of(
-    things: Sequence[Object], count: int, config: SimulationConfig, seed: int = 0, spread: float = 0.0
-) -> GraspBank:
-    """The bank of ``count`` grasps for each of ``things``, found in Bullet where the cache does not hold them."""
-    return find_banks(BulletFinder(count, config, seed, spread), [(thing,) for thing in things])[1]
-
-
 def _known(finder: Finder, choice: Sequence[Object]) -> Object | None:
     """What of ``choice`` the cache says can be held; None if a search has to tell."""
     for thing in choice:

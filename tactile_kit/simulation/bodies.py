@@ -10,12 +10,13 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from object_sets import Object
+from object_sets.mass import DEFAULT_MASS
 from object_sets.storage import cache_directory, write_atomic
 from tactile_kit.hand.kinematics import FINGERS
 from tactile_kit.hand.urdf import hand_urdf
 from tactile_kit.rotations import to_quaternion
 
-DEFAULT_MASS, MIN_MASS = 0.05, 1e-3  # kg; no drawn offset takes an object below the second
+MIN_MASS = 1e-3  # kg; no drawn offset takes an object below it
 
 
 def _write_once(path: Path, text: str) -> Path:

@@ -88,11 +88,3 @@ def test_turn_at_zero_and_strided_inputs() -> None:
     assert torch.equal(out, R)
     turn.backward(r.contiguous().numpy(), out.numpy(), np.ones((2, 3, 3), np.float32), *back)
     assert np.isfinite(back[0]).all() and np.isfinite(back[1]).all()
-
-
-def test_newton_step_restores_orthonormality() -> None:
-    rng = np.random.default_rng(0)
-    R = torch.from_numpy(rotations.random_rotations(rng, 8) + 1e-4 * rng.standard_normal((8, 3, 3)))
-    fixed = so3.orthonormalise(R)
-    error = (fixed.transpose(1, 2) @ fixed - torch.eye(3)).abs().amax()
-    assert error < 1e-6 < (R.transpose(1, 2) @ R - torch.eye(3)).abs().amax()

@@ -42,7 +42,7 @@ def test_the_passive_joint_follows_q3() -> None:
     angles = kinematics.expand(joints)
     assert angles.shape == (3, 16)
     np.testing.assert_array_equal(angles[:, kinematics.DRIVEN_INDEX], joints)
-    np.testing.assert_array_equal(angles[:, kinematics.PASSIVE_INDEX], joints[:, 2::3])
+    np.testing.assert_array_equal(angles[:, 3::4], joints[:, 2::3])
 
 
 def test_link_frames_are_bullets(loaded) -> None:

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from reproduce import heartbeat
-from reproduce.heartbeat import Heartbeat, duration
+from reproduce.heartbeat import Heartbeat
 from reproduce.progress import Progress
+from tactile_kit.progress import duration
 
 JOBS = {"train/a": 60.0, "train/b": 30.0, "table1": 10.0}
 
@@ -66,7 +67,7 @@ def test_by_hand_a_stage_prints_a_line_in_ten_seconds(
         beat(done, 8)
     assert capsys.readouterr().out.splitlines() == [
         "train/a: 2 of 8, 0:33 left",
-        "train/a: 4 of 8, 1 h 06 left",
+        "train/a: 4 of 8, 1:06:40 left",
     ]
     assert heartbeat.read(tmp_path, "train/a")["done"] == 4
     assert duration(95) == "1:35"

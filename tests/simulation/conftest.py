@@ -14,7 +14,7 @@ import object_sets
 import randomization
 from object_sets import Object
 from tactile_kit.hand import kinematics
-from tactile_kit.simulation.banks import grasps_of
+from tactile_kit.simulation.banks import BulletFinder, find_banks
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.grasps import GraspBank
@@ -39,7 +39,7 @@ def bodies(things: dict[str, Object], own_cache: None) -> list[Body]:
 @pytest.fixture(scope="session")
 def bank(things: dict[str, Object], own_cache: None) -> GraspBank:
     """Two grasps each of cube and L."""
-    return grasps_of([things["cube"], things["l_shape"]], 2, SimulationConfig())
+    return find_banks(BulletFinder(2, SimulationConfig()), [[things["cube"]], [things["l_shape"]]])[1]
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,7 @@ import randomization
 from tactile_kit.hand import kinematics
 from tactile_kit.rotations import geodesic
 from tactile_kit.shape import MeshTable
-from tactile_kit.simulation.banks import grasps_of
+from tactile_kit.simulation.banks import BulletFinder, find_banks
 from tactile_kit.simulation.compiled import CompiledSimulation
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Status
@@ -32,7 +32,7 @@ def meshes(things) -> MeshTable:
 
 @pytest.fixture(scope="module")
 def many(things, own_cache):
-    return grasps_of([things["cube"], things["l_shape"]], 12, SimulationConfig())
+    return find_banks(BulletFinder(12, SimulationConfig()), [[things["cube"]], [things["l_shape"]]])[1]
 
 
 @pytest.fixture

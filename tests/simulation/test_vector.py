@@ -148,10 +148,10 @@ import numpy as np
 import object_sets, randomization
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import SimulationConfig
-from tactile_kit.simulation.banks import grasps_of
+from tactile_kit.simulation.banks import BulletFinder, find_banks
 from tactile_kit.simulation.vector import Blueprint, VectorSimulation
 thing = object_sets.load("all")["cube"]
-bank = grasps_of([thing], 2, SimulationConfig())
+bank = find_banks(BulletFinder(2, SimulationConfig()), [[thing]])[1]
 blueprint = Blueprint(SimulationConfig(), [Body(thing)], bank, randomization.preset("none"), 4)
 simulation = VectorSimulation(blueprint, 1, 1)
 print(simulation._processes[0].pid, flush=True)

@@ -23,10 +23,10 @@ import numpy as np
 import object_sets, randomization
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import SimulationConfig
-from tactile_kit.simulation.banks import grasps_of
+from tactile_kit.simulation.banks import BulletFinder, find_banks
 from tactile_kit.simulation.simulator import Simulator
 things = [object_sets.load("all")[name] for name in ("cube", "l_shape")]
-bank = grasps_of(things, 2, SimulationConfig())
+bank = find_banks(BulletFinder(2, SimulationConfig()), [[thing] for thing in things])[1]
 simulator = Simulator(SimulationConfig(), [Body(thing) for thing in things], bank, randomization.preset("default"), 12)
 {play}
 print(play(simulator, 1, 77).hex())

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from tactile_kit.rotations import exp, from_6d, geodesic, random_rotations, to_6d
+from tactile_kit.rotations import exp, geodesic, random_rotations, to_6d
 from tactile_kit.shape import ENCODINGS
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
@@ -67,8 +67,8 @@ def test_contents(variants, name: str) -> None:
     assert seen.dtype == np.float32 and seen.shape == (3, core.layout.size)
     np.testing.assert_array_equal(seen[:, core.layout["joints"]], z)
     np.testing.assert_array_equal(seen[:, core.layout["sigma"]], sigma)
-    left = from_6d(seen[:, core.layout["goal"]].astype(float))
-    np.testing.assert_allclose(left @ R, goal, atol=1e-5)  # turning by it reaches the goal
+    left = to_6d(goal @ np.swapaxes(R, 1, 2))  # turning by it reaches the goal
+    np.testing.assert_allclose(seen[:, core.layout["goal"]], left, atol=1e-5)
     if "pose" in core.layout:
         np.testing.assert_array_equal(seen[:, core.layout["pose"]], np.concatenate([x, to_6d(R)], axis=1))
     if name == "none":
