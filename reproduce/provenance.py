@@ -9,7 +9,7 @@ from typing import Any
 
 from reproduce.cells import MEASURED, Cell
 from reproduce.files import ROOT, read_json
-from reproduce.inventory import Results, steps_of
+from reproduce.results import Results, steps_of
 
 CLOSE = 0.05  # a rate this far below the paper's still counts as reached, as in the claims
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reproduce.errors import ReproduceError
-from reproduce.inventory import NEEDS, Results
+from reproduce.inventory import NEEDS
+from reproduce.results import Results
 from tactile_kit.errors import nearest
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from reproduce.claims import judge_all
 from reproduce.files import write_atomic
-from reproduce.inventory import Results
+from reproduce.results import Results
 
 COLUMNS = ("number", "claim", "verdict", "ours", "paper", "n", "unit", "scale")
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from reproduce.bars import bar
 from reproduce.cells import Cell, rate_cell, write_cells
-from reproduce.inventory import ORACLE, TACTILE, Results
+from reproduce.inventory import ORACLE, TACTILE
 from reproduce.labels import complex_objects, object_label
+from reproduce.results import Results
 from reproduce.style import ORACLE as BLUE
 from reproduce.style import TACTILE as ORANGE
 from reproduce.style import figure, footnote, save, steps_text

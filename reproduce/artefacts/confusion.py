@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from reproduce.cells import Cell, rate_cell, write_cells
-from reproduce.inventory import TACTILE, Results
+from reproduce.inventory import TACTILE
 from reproduce.labels import object_label, paper_objects
+from reproduce.results import Results
 from reproduce.style import figure, save, steps_text
 from tactile_kit.evaluation.summary import group
 

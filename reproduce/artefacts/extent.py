@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from reproduce.cells import MEASURED, Cell, paper_values, rate_cell, write_cells
-from reproduce.inventory import TACTILE, Results
+from reproduce.inventory import TACTILE
+from reproduce.results import Results
 from reproduce.style import GREY, figure, footnote, save, say_missing, steps_text
 from tactile_kit.evaluation.rows import EpisodeRow
 from tactile_kit.evaluation.summary import group

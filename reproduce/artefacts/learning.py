@@ -10,7 +10,7 @@ import numpy as np
 
 import randomization
 from reproduce.cells import Cell, empty_cell, estimate_cell, paper_values, write_cells
-from reproduce.inventory import Curve, Results
+from reproduce.results import Curve, Results
 from reproduce.style import figure, footnote, line_of, save, say_missing, short
 from tactile_kit.evaluation.intervals import stratified_bootstrap
 from tactile_kit.evaluation.summary import Estimate

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from reproduce.cells import Cell, estimate_cell, paper_values, write_cells
-from reproduce.inventory import Results
+from reproduce.results import Results
 from reproduce.style import reset
 from tactile_kit.evaluation.summary import Estimate
 

@@ -11,7 +11,7 @@ from typing import Any
 from reproduce import provenance
 from reproduce.cells import Cell, percent, read_cells
 from reproduce.files import read_yaml
-from reproduce.inventory import Results
+from reproduce.results import Results
 from reproduce.style import short
 from tactile_kit.evaluation.rows import read_rows
 

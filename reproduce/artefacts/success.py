@@ -11,8 +11,9 @@ from pathlib import Path
 
 from reproduce.bars import bar
 from reproduce.cells import Cell, paper_values, rate_cell, write_cells
-from reproduce.inventory import TACTILE, TRANSFER, Results
+from reproduce.inventory import TACTILE, TRANSFER
 from reproduce.labels import object_label, paper_objects
+from reproduce.results import Results
 from reproduce.style import PAPER, figure, footnote, save, steps_text
 from reproduce.style import TACTILE as ORANGE
 

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from reproduce.cells import MEASURED, Cell, empty_cell, paper_values, rate_cell, write_cells
 from reproduce.files import write_atomic
-from reproduce.inventory import PLANNER, Results
+from reproduce.inventory import PLANNER
 from reproduce.latex import escape, row, table
+from reproduce.results import Results
 from reproduce.style import steps_text
 
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 from reproduce.cells import MEASURED, UNDEFINED, Cell, empty_cell, estimate_cell, paper_values, write_cells
 from reproduce.files import write_atomic
-from reproduce.inventory import ABLATED, Results
+from reproduce.inventory import ABLATED
 from reproduce.latex import escape, row, table
+from reproduce.results import Results
 from reproduce.style import steps_text
 from tactile_kit.evaluation.summary import mean_final_angle, relative_change, success_rate
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reproduce.cells import Cell, empty_cell, estimate_cell, paper_values, write_cells
-from reproduce.inventory import ORACLE, TACTILE, Results
+from reproduce.inventory import ORACLE, TACTILE
 from reproduce.labels import object_label, paper_objects
+from reproduce.results import Results
 from reproduce.style import ORACLE as BLUE
 from reproduce.style import TACTILE as ORANGE
 from reproduce.style import figure, footnote, save, steps_text

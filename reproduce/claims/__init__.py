@@ -15,7 +15,7 @@ from reproduce.claims.verdict import (
     Verdict,
 )
 from reproduce.files import read_yaml
-from reproduce.inventory import Results
+from reproduce.results import Results
 
 __all__ = ["NOT_MEASURED", "NOT_REPRODUCED", "REPRODUCED", "Judged", "Verdict", "judge_all"]
 

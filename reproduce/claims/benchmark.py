@@ -23,7 +23,8 @@ from reproduce.claims.verdict import (
     needed,
     signed,
 )
-from reproduce.inventory import ABLATED, BENCHMARK, ORACLE, TACTILE, Results
+from reproduce.inventory import ABLATED, BENCHMARK, ORACLE, TACTILE
+from reproduce.results import Results
 from tactile_kit.evaluation.intervals import stratified_bootstrap
 from tactile_kit.evaluation.rows import EpisodeRow
 from tactile_kit.evaluation.summary import group, relative_change

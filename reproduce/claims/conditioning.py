@@ -19,7 +19,8 @@ from reproduce.claims.verdict import (
     needed,
     signed,
 )
-from reproduce.inventory import TACTILE, TRANSFER, Results
+from reproduce.inventory import TACTILE, TRANSFER
+from reproduce.results import Results
 from tactile_kit.evaluation.intervals import stratified_bootstrap
 from tactile_kit.evaluation.rows import EpisodeRow
 from tactile_kit.evaluation.summary import group, success_rate

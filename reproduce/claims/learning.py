@@ -9,7 +9,7 @@ import numpy as np
 from reproduce.artefacts.learning import CURVES, ends, usable
 from reproduce.cells import percent
 from reproduce.claims.verdict import CLEAR, LEARNED, NOT_REPRODUCED, REPRODUCED, NotMeasured, Test, Verdict
-from reproduce.inventory import Results
+from reproduce.results import Results
 from reproduce.style import line_of
 
 TOLERANCE = 0.02  # "at least as well": not more than two points of success behind

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from reproduce.cells import percent
-from reproduce.inventory import Results
+from reproduce.results import Results
 from tactile_kit.evaluation.intervals import difference, wilson
 from tactile_kit.evaluation.rows import EpisodeRow
 

@@ -51,7 +51,7 @@ def run_stage(pipeline: Path, stage: str, item: str = "", *, echo: bool = False)
 
 def _artefact(pipeline: Path, name: str) -> None:
     from reproduce.artefacts import make
-    from reproduce.inventory import Results
+    from reproduce.results import Results
 
     outputs = [Path(file) for file in read_json(pipeline / "plan.json")["artefacts"][name]]
     make(name, Results.load(pipeline / "jobs" / "artefacts" / f"{name}.yaml"), outputs)

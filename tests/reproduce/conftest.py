@@ -12,7 +12,8 @@ import object_sets
 import randomization
 from reproduce.artefacts.learning import CURVES
 from reproduce.files import dump_yaml
-from reproduce.inventory import ABLATED, BENCHMARK, ORACLE, PLANNER, TACTILE, Results
+from reproduce.inventory import ABLATED, BENCHMARK, ORACLE, PLANNER, TACTILE
+from reproduce.results import Results
 from tactile_kit.evaluation import EpisodeRow, write_rows
 
 ROUND, NON_CONVEX = (5, 12), (0, 6, 7, 10, 11)

@@ -14,8 +14,9 @@ from reproduce.artefacts.learning import band, ends
 from reproduce.artefacts.violin import density_of
 from reproduce.cells import read_cells
 from reproduce.errors import ReproduceError
-from reproduce.inventory import ORACLE, TACTILE, Curve, read_curve
+from reproduce.inventory import ORACLE, TACTILE
 from reproduce.plan import FIGURES
+from reproduce.results import Curve, read_curve
 from reproduce.style import figure, missing_bar, say_missing
 from tactile_kit.evaluation import wilson
 
