@@ -19,7 +19,7 @@ def run_settings(plan: Plan, run: Run) -> dict[str, Any]:
 
     Raises ``ScaleError`` naming scale, run and the setting that doesn't fit.
     """
-    from tactile_kit.runs.config import RunConfig, merge, presets
+    from tactile_kit.runs.config import RunConfig
 
     encoding, variation = split_variant(run.variant)
     changes: dict[str, Any] = {
@@ -33,16 +33,8 @@ def run_settings(plan: Plan, run: Run) -> dict[str, Any]:
         changes["warm_start"] = str(run.directory.parent / run.warm_start)
     if run.teacher is not None:
         changes["ppo.teacher"] = str(run.directory.parent / run.teacher)
-    settings = dict(plan.scale.presets[run.preset])
-    base = settings.pop("preset", None)
     try:
-        if base is not None:
-            if base not in presets():
-                raise ScaleError(f"preset {base!r} unknown; allowed are {', '.join(presets())}")
-            import yaml
-
-            settings = merge(yaml.safe_load(presets()[base].read_text(encoding="utf-8")) or {}, settings)
-        return RunConfig.build(settings, changes, run.name).to_dict()
+        return RunConfig.build(plan.scale.presets[run.preset], changes, run.name).to_dict()
     except ValueError as error:
         raise ScaleError(f"scale {plan.scale.name}, preset {run.preset}: {error}") from None
 
@@ -87,8 +79,7 @@ def training_grasps(config: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """As ``grasp_item``, for a training of the resolved ``config``."""
     from tactile_kit.runs.config import RunConfig
 
-    run = RunConfig.build(config)
-    return grasp_item(run.episodes.applied(run.task))
+    return grasp_item(RunConfig.build(config).played)
 
 
 def grasp_item(task: TaskConfig) -> tuple[str, dict[str, Any]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
@@ -28,6 +28,19 @@ class Settings(BaseModel):
             if unknown:
                 raise PydanticCustomError(_UNKNOWN, "{keys}", {"keys": "; ".join(unknown)})
         return values
+
+    def changed(self, changes: Mapping[str, Any]) -> Self:
+        """These settings with others in place, nested ones too, validated as a whole. Raises ValidationError."""
+        return type(self)(**merge(self.model_dump(), changes))
+
+
+def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    """Nested mappings, ``over`` winning."""
+    merged = dict(base)
+    for key, value in over.items():
+        both = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
+        merged[key] = merge(merged[key], value) if both else value
+    return merged
 
 
 def explain(problem: ValidationError) -> str:

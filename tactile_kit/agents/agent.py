@@ -107,7 +107,7 @@ class Agent:
 
         reads = any(name == "sigma" for name, _ in self.manifest.layout)
         return TactileVecEnv(
-            config.model_copy(update={"sigma_in_observation": reads}),
+            config.changed({"sigma_in_observation": reads}),
             num_envs=num_envs,
             num_workers=num_workers,
             seed=seed,

@@ -58,6 +58,6 @@ def compiled_task(agent: Any, objects: str) -> Any:
         "goals": "so3",
         "horizon": HORIZON,
         "grasp_spread": 0.0,
-        "simulation": {**agent.task.simulation.model_dump(), "engine": "compiled"},
+        "simulation": {"engine": "compiled"},
     }
-    return type(agent.task)(**{**agent.task.model_dump(), **changes})
+    return agent.task.changed(changes)

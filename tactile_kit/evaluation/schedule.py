@@ -198,7 +198,7 @@ def evaluation_task(
     }
     try:
         changes["simulation"] = trained.simulation.plain(steps_per_second)
-        return type(trained)(**{**trained.model_dump(), **changes})
+        return trained.changed(changes)
     except ValueError as error:
         raise EvaluationError(f"the evaluation's task: {' '.join(str(error).split())}") from None
 

@@ -20,7 +20,6 @@ from tactile_kit.hand.kinematics import DRIVEN_INDEX, JOINTS, MEAN_GRASP
 from tactile_kit.planning.gait import Gait, Move, random_move
 from tactile_kit.planning.laws import CENTRE
 from tactile_kit.settings import Settings
-from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator, dropped
 from tactile_kit.simulation.world import PhysicsFault, Snapshot, World
 
@@ -77,10 +76,8 @@ class Planner:
 
     def __init__(self, simulator: Simulator, config: PlannerConfig | None = None) -> None:
         self.simulator, self.config = simulator, config or PlannerConfig()
-        physics = simulator.world.config.model_dump()
-        if self.config.steps_per_second is not None:
-            physics["steps_per_second"] = self.config.steps_per_second
-        self.world = World(SimulationConfig(**physics))
+        step, physics = self.config.steps_per_second, simulator.world.config
+        self.world = World(physics if step is None else physics.changed({"steps_per_second": step}))
 
     def start(self, seed: int) -> None:
         """Begin an episode: the simulator has just been reset. Everything random comes from ``seed``."""

@@ -16,8 +16,7 @@ from tactile_kit.ecrl.config import ECRLConfig
 from tactile_kit.errors import ConfigError, nearest
 from tactile_kit.estimator.config import EstimatorConfig
 from tactile_kit.runs.calm import CalmConfig
-from tactile_kit.settings import Settings, explain, short
-from tactile_kit.simulation.config import SimulationConfig
+from tactile_kit.settings import Settings, explain, merge, short
 from tactile_kit.task.config import RewardConfig, TaskConfig
 
 TASK = TaskConfig(  # to learn on; the class itself says what the paper does
@@ -77,25 +76,6 @@ class CheckpointConfig(Settings):
     keep: PositiveInt = 2
 
 
-class EpisodesConfig(Settings):
-    """What training episodes do differently from those that are evaluated; None: as the task says."""
-
-    horizon: PositiveInt | None = Field(None, description="Actions an episode.")
-    grasps: PositiveInt | None = Field(32, description="Initial grasps a variant.")
-    grasp_spread: float | None = Field(0.1, ge=0, le=0.5, description="How far grasps stray, rad.")
-    engine: Literal["bullet", "compiled"] | None = Field("compiled", description="Physics to train in.")
-    drag: float | None = Field(
-        20.0, ge=0, le=100, description="Thick air while gravity is low, 1/s; compiled only."
-    )
-
-    def applied(self, task: TaskConfig) -> TaskConfig:
-        """The task as training plays it."""
-        own = self.model_dump(exclude_none=True)
-        physics: dict[str, Any] = {name: own.pop(name) for name in ("engine", "drag") if name in own}
-        simulation = SimulationConfig(**(task.simulation.model_dump() | physics))
-        return task.model_copy(update={**own, "simulation": simulation})
-
-
 class RunConfig(Settings):
     """Everything a training run depends on. The defaults are the recipe of the shipped oracles.
 
@@ -119,7 +99,11 @@ class RunConfig(Settings):
     ppo: PPOConfig = PPOConfig()
     estimator: EstimatorConfig = EstimatorConfig.preset("small")
     ecrl: ECRLConfig = ECRLConfig()
-    episodes: EpisodesConfig = EpisodesConfig()
+    episodes: dict[str, Any] = Field(
+        {"grasps": 32, "grasp_spread": 0.1, "engine": "compiled", "drag": 20.0},
+        description="The task's settings that are others in training; engine and drag (thick air while gravity is low, "
+        "compiled only) are its simulation's. null: as the task says.",
+    )
     gravity: GravityConfig = GravityConfig()
     calm: CalmConfig = CalmConfig()
     evaluation: EvaluationConfig = EvaluationConfig()
@@ -132,8 +116,18 @@ class RunConfig(Settings):
 
     @model_validator(mode="after")
     def _playable(self) -> RunConfig:
-        self.episodes.applied(self.task)  # raises where the engine lacks what the episodes ask for
+        try:
+            _ = self.played
+        except ValidationError as problem:
+            raise ValueError(f"episodes.{explain(problem)}") from None
         return self
+
+    @property
+    def played(self) -> TaskConfig:
+        """The task as training plays it, which is not quite as it is evaluated."""
+        own = {name: value for name, value in self.episodes.items() if value is not None}
+        physics = {name: own.pop(name) for name in ("engine", "drag") if name in own}
+        return self.task.changed({**own, "simulation": physics})
 
     @property
     def encoding(self) -> str:
@@ -151,29 +145,28 @@ class RunConfig(Settings):
     @classmethod
     def preset(cls, name: str, changes: Mapping[str, Any] | None = None) -> RunConfig:
         """A preset by name, with changes as :meth:`build` takes them. Raises ConfigError."""
-        files = presets()
-        if name not in files:
-            raise ConfigError(f"preset {name!r} unknown{nearest(name, files)}")
-        return cls.build(_read_yaml(files[name]), changes, name)
+        return cls.build({"preset": name}, changes, name)
 
     @classmethod
     def from_yaml(cls, path: str | Path, changes: Mapping[str, Any] | None = None) -> RunConfig:
-        """Settings from a YAML file; a ``preset`` key in it names what they change. Raises ConfigError."""
+        """Settings from a YAML file, as :meth:`build` takes them. Raises ConfigError."""
         path = Path(path)
-        data = _read_yaml(path)
-        base = data.pop("preset", None)
-        if base is not None:
-            files = presets()
-            if base not in files:
-                raise ConfigError(f"{path}: preset {base!r} unknown{nearest(base, files)}")
-            data = merge(_read_yaml(files[base]), data)
-        return cls.build(data, changes, str(path))
+        return cls.build(_read_yaml(path), changes, str(path))
 
     @classmethod
     def build(
         cls, data: Mapping[str, Any], changes: Mapping[str, Any] | None = None, source: str = "settings"
     ) -> RunConfig:
-        """Nested ``data``, then ``changes`` whose keys may be dotted (``{"task.objects": "cube"}``)."""
+        """Nested ``data``, then ``changes`` whose keys may be dotted (``{"task.objects": "cube"}``).
+
+        A ``preset`` among the data names the settings that they change, the defaults where there is none.
+        """
+        files, data = presets(), dict(data)
+        base = data.pop("preset", None)
+        if base is not None:
+            if base not in files:
+                raise ConfigError(f"{source}: preset {base!r} unknown{nearest(base, files)}")
+            data = merge(_read_yaml(files[base]), data)
         try:
             tree = merge(cls().model_dump(), _lift(data))  # so that part of a nested default may be given
             for key, value in (changes or {}).items():
@@ -217,15 +210,6 @@ def presets() -> dict[str, Path]:
     """Names and files of the presets shipped with the package."""
     folder = Path(str(resources.files("tactile_kit.runs"))) / "presets"
     return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
-
-
-def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """Nested mappings, ``over`` winning."""
-    merged = dict(base)
-    for key, value in over.items():
-        both = isinstance(value, Mapping) and isinstance(merged.get(key), Mapping)
-        merged[key] = merge(merged[key], value) if both else value
-    return merged
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:

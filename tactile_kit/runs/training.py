@@ -132,7 +132,7 @@ def default_env(config: RunConfig, quiet: bool = False) -> Any:
     """The training environment of the run's kind; a search for grasps is shown unless ``quiet``."""
     from tactile_kit.task.variants import prepare
 
-    seed, task = derive(config.seed, "training"), config.episodes.applied(config.task)
+    seed, task = derive(config.seed, "training"), config.played
     variants = prepare(task, config.num_workers, quiet=quiet)
     if config.kind == "oracle":
         from tactile_kit.task.vec_env import ReorientVecEnv

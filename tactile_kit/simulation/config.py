@@ -54,8 +54,7 @@ class SimulationConfig(Settings):
     def plain(self, steps_per_second: int | None = None) -> SimulationConfig:
         """These settings in Bullet and without thick air, as everything is measured; at another step where given."""
         step = self.steps_per_second if steps_per_second is None else steps_per_second
-        given = {**self.model_dump(), "steps_per_second": step}
-        return SimulationConfig(**{**given, "engine": "bullet", "drag": 0.0})
+        return self.changed({"steps_per_second": step, "engine": "bullet", "drag": 0.0})
 
     def drag_under(self, gravity: float) -> float:
         """Rate (1/s) at which the object's speed and spin die down under ``gravity`` m/s^2, none at the earth's."""

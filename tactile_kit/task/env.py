@@ -41,7 +41,7 @@ class ReorientEnv(gymnasium.Env):
     ) -> None:
         if render_mode not in (None, "rgb_array"):
             raise ValueError(f"render_mode = {render_mode!r}: allowed are None and 'rgb_array'")
-        self.config = TaskConfig(**({} if config is None else config.model_dump()) | settings)
+        self.config = (config or TaskConfig()).changed(settings)
         self.render_mode = render_mode
         self.core = Core(self.config)
         self.layout = self.core.layout

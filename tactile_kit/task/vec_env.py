@@ -308,7 +308,7 @@ def make_vec(config: TaskConfig | None = None, **settings: Any) -> ReorientVecEn
         for name in ("num_envs", "num_workers", "seed", "episodes")
         if name in settings
     }
-    config = TaskConfig(**({} if config is None else config.model_dump()) | settings)
+    config = (config or TaskConfig()).changed(settings)
     return ReorientVecEnv(config, **{"num_envs": 16, **own})
 
 

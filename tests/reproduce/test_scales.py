@@ -200,7 +200,7 @@ def test_the_grasps_of_a_training_are_those_of_its_physics(engine, drag):
     episodes = {"engine": engine, "grasps": 5, "grasp_spread": 0.1, "drag": drag}
     run = RunConfig.build({"objects": "cube", "scaling": "nominal", "episodes": episodes})
     name, settings = training_grasps(run.to_dict())
-    played = run.episodes.applied(run.task)
+    played = run.played
     assert finder_of(TaskConfig(**settings)) == finder_of(played)
     assert settings["simulation"]["engine"] == engine and name.startswith("cube-nominal-")
     thinner = RunConfig.build(

@@ -36,7 +36,7 @@ def test_the_paper_preset_is_the_papers() -> None:
     )
     layers = NetworkConfig(hidden=(512, 512, 256, 128), activation="elu", dense=True)
     assert config.ppo.actor == config.ppo.critic == layers
-    assert config.episodes.applied(config.task) == config.task
+    assert config.played == config.task
     assert (
         config.task == TaskConfig(scaling="random")
         and config.gravity.at(0) == config.gravity.at(10**9) == 9.81
@@ -46,7 +46,7 @@ def test_the_paper_preset_is_the_papers() -> None:
 def test_the_recipe_is_what_is_done_by_default() -> None:
     config = RunConfig.build({})
     assert config == RunConfig() == RunConfig.preset("ppo-compiled")
-    played = config.episodes.applied(config.task)
+    played = config.played
     assert (played.simulation.engine, played.simulation.drag, played.action) == ("compiled", 20, "increment")
     assert config.gravity.at(0) == 0.1 and config.gravity.at(20_000_000) == 9.81
 
@@ -113,7 +113,7 @@ def test_differences_let_steps_grow_and_intervals_change() -> None:
 
 def test_only_training_episodes_are_eased() -> None:
     config = RunConfig.build({"episodes": {"engine": "compiled", "drag": 9, "horizon": 40}})
-    eased = config.episodes.applied(config.task)
+    eased = config.played
     assert (eased.simulation.engine, eased.simulation.drag, eased.horizon) == ("compiled", 9, 40)
     assert eased.simulation.steps_per_second == config.task.simulation.steps_per_second
     assert (config.task.simulation.engine, config.task.simulation.drag) == ("bullet", 0)
@@ -121,7 +121,7 @@ def test_only_training_episodes_are_eased() -> None:
         RunConfig.build({"episodes": {"engine": "warp"}})
     with pytest.raises(ConfigError, match=r"drag = 20.*Bullet"):
         RunConfig.build({"episodes": {"engine": "bullet", "drag": 20}})
-    with pytest.raises(ConfigError, match=r"episodes.support: unknown; valid names: drag"):
+    with pytest.raises(ConfigError, match=r"episodes.support: unknown; "):
         RunConfig.build({"episodes": {"support": 5}})
 
 
@@ -180,7 +180,7 @@ def test_what_shipped_runs_were_trained_with_is_read_back(path: Path) -> None:
     given = yaml.safe_load(path.read_text())
     for part in ("task", "ppo", "episodes", "gravity"):
         assert given[part] == config.to_dict()[part]
-    config.episodes.applied(config.task)
+    assert config.played.encoding == config.encoding
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "results" / "agents").iterdir()), ids=lambda path: path.name)
