@@ -117,6 +117,7 @@ def evaluate(
     scaling: Literal["nominal", "random"] = "nominal",
     sizes: int = 1,
     estimator: Annotated[str, arg(metavar="NAME|DIR")] = "own",
+    world: Annotated[str, arg(metavar="bullet|mujoco")] = "bullet",
     num_envs: int = 16,
     num_workers: int = 1,
 ) -> int:
@@ -134,6 +135,7 @@ def evaluate(
         scaling: Nominal sizes, or random extents.
         sizes: Random sizes an object.
         estimator: What tells the agent of the pose: own, kalman, rest, or a tactile agent whose cell does.
+        world: The physics: bullet, or mujoco, which the extra transfer installs.
         num_envs: Environments stepped together.
         num_workers: Processes that simulate.
     """
@@ -141,7 +143,7 @@ def evaluate(
 
     summary = evaluate_to(
         agent, out, objects=objects, episodes_per_goal=episodes_per_goal, seed=seed, given=given, scaling=scaling,
-        sizes=sizes, estimator=estimator, num_envs=num_envs, num_workers=num_workers,
+        sizes=sizes, estimator=estimator, world=world, num_envs=num_envs, num_workers=num_workers,
     )  # fmt: skip
     print(json.dumps(summary), flush=True)
     return 0
