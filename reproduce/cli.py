@@ -69,8 +69,8 @@ def stage(
     """Run one stage by hand: objects, grasps, train, evaluate, or a table, figure, claims, report.
 
     Args:
-        name: Stage: objects, grasps, train, evaluate, table1, table2, object_sets, learning, violin, success, complex,
-            extent, confusion, claims, report.
+        name: Stage: objects, grasps, train, evaluate, table1, table2, object_sets, learning, violin, success, transfer,
+            complex, extent, confusion, claims, report.
         item: Which job of the stage, for example oracle-vec_bps-geometric8-s0/nominal; all of them by default.
         scale: As in run.
         source: As in run.

@@ -18,6 +18,7 @@ from pydantic import (
 
 from reproduce.errors import ScaleError, nearest
 from reproduce.files import read_yaml
+from tactile_kit.simulation.engines import WORLDS
 
 FOLDER = Path(__file__).parent / "scales"
 
@@ -81,7 +82,7 @@ class RunGroup(Part):
 class EvaluationGroup(Part):
     """One evaluation of several runs, at the sizes of this scale."""
 
-    name: Literal["nominal", "complex", "extent-true", "extent-fixed", "confusion", "kalman"]
+    name: Literal["nominal", "complex", "extent-true", "extent-fixed", "confusion", "kalman", "mujoco"]
     runs: tuple[str, ...] = Field(min_length=1, description="Run names without the seed.")
     seeds: tuple[NonNegativeInt, ...] | None = Field(
         None, description="Which of their seeds; all by default."
@@ -93,6 +94,7 @@ class EvaluationGroup(Part):
     )
     given: Literal["true", "nominal", "each"] = Field("true", description="The mesh the agent is told of.")
     estimator: Literal["own", "kalman"] = Field("own", description="What tells the agent of the pose.")
+    world: Annotated[str, _one_of(WORLDS)] = Field("bullet", description="The physics it is played in.")
     episodes_per_goal: PositiveInt = 1
     goals_per_case: int = Field(
         24, ge=1, le=24, description="Goals of the 24 drawn for each object, size and mesh."

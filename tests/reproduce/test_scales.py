@@ -8,7 +8,7 @@ import pytest
 
 from reproduce.errors import ReproduceError, ScaleError
 from reproduce.files import ROOT, read_yaml
-from reproduce.inventory import ABLATED, BENCHMARK, CURVES, NEEDS, PLANNER, TRANSFER, inventory
+from reproduce.inventory import ABLATED, BENCHMARK, CURVES, NEEDS, PLANNER, inventory
 from reproduce.plan import ARTEFACTS, default_out, make_plan
 from reproduce.prepare import prepare, weight
 from reproduce.scales import load_scale, parse_scale, split_variant
@@ -30,7 +30,7 @@ def test_every_run_of_the_paper_is_planned(name, tmp_path):
     assert set(NEEDS) == set(ARTEFACTS)
     made = {(e.run.role, e.group.name) for e in plan.evaluations}
     for artefact, (pairs, _) in NEEDS.items():
-        assert {pair for pair in pairs if pair[1] != TRANSFER and pair[0] != PLANNER} <= made, artefact
+        assert {pair for pair in pairs if pair[0] != PLANNER} <= made, artefact
 
 
 @pytest.mark.parametrize("name", SCALES)
@@ -71,7 +71,7 @@ def test_learning_curves_that_are_compared_are_trained_alike(tmp_path):
 
 def test_small_stays_within_its_budget(tmp_path):
     plan = make_plan(load_scale("small"), "scratch", tmp_path)
-    assert 5000 <= sum(map(weight, plan.evaluations)) <= 7000
+    assert 5000 <= sum(map(weight, plan.evaluations)) <= 8000
 
 
 def test_papers_sizes(tmp_path):
