@@ -17,6 +17,7 @@ from randomization.errors import RandomizationError, SeedError
 from randomization.files import PRESETS, preset
 from randomization.gravity import STANDARD_GRAVITY, GravitySchedule
 from randomization.sampling import Randomization, Term
+from randomization.scaling import scaled
 from randomization.streams import derive, stream
 
 __all__ = [
@@ -36,5 +37,6 @@ __all__ = [
     "Uniform",
     "derive",
     "preset",
+    "scaled",
     "stream",
 ]
