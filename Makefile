@@ -31,7 +31,7 @@ $(INSTALLED): setup.cfg pyproject.toml constraints.txt
 		|| { echo "$(PYTHON) is too old or absent: Python >= 3.11 is needed (make PYTHON=/path/to/python setup)"; exit 1; }
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv $(VENV) \
 		|| { echo "no virtual environment could be made; on Debian: apt-get install python3-venv"; exit 1; }
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt $(PIP_ARGS) --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt $(PIP_ARGS) --editable '.[dev,transfer]'
 	@for module in pybullet torch numba manifold3d rtree coacd matplotlib; do \
 		$(BIN)/python -c "import $$module" 2>$(VENV)/.import-error || { tail -n 1 $(VENV)/.import-error; \
 		echo "$$module does not load: is a system library missing? On Debian: apt-get install libgomp1 libgl1 libstdc++6"; \

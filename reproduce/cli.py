@@ -69,8 +69,8 @@ def stage(
     """Run one stage by hand: objects, grasps, train, evaluate, or a table, figure, claims, report.
 
     Args:
-        name: Stage: objects, grasps, train, evaluate, table1, table2, object_sets, learning, violin, success, complex,
-            extent, confusion, claims, report.
+        name: Stage: objects, grasps, train, evaluate, table1, table2, object_sets, learning, violin, success, transfer,
+            complex, extent, confusion, claims, report.
         item: Which job of the stage, for example oracle-vec_bps-geometric8-s0/nominal; all of them by default.
         scale: As in run.
         source: As in run.
@@ -117,6 +117,7 @@ def evaluate(
     scaling: Literal["nominal", "random"] = "nominal",
     sizes: int = 1,
     estimator: Annotated[str, arg(metavar="NAME|DIR")] = "own",
+    world: Annotated[str, arg(metavar="bullet|mujoco")] = "bullet",
     num_envs: int = 16,
     num_workers: int = 1,
 ) -> int:
@@ -134,6 +135,7 @@ def evaluate(
         scaling: Nominal sizes, or random extents.
         sizes: Random sizes an object.
         estimator: What tells the agent of the pose: own, kalman, rest, or a tactile agent whose cell does.
+        world: The physics: bullet, or mujoco, which the extra transfer installs.
         num_envs: Environments stepped together.
         num_workers: Processes that simulate.
     """
@@ -141,7 +143,7 @@ def evaluate(
 
     summary = evaluate_to(
         agent, out, objects=objects, episodes_per_goal=episodes_per_goal, seed=seed, given=given, scaling=scaling,
-        sizes=sizes, estimator=estimator, num_envs=num_envs, num_workers=num_workers,
+        sizes=sizes, estimator=estimator, world=world, num_envs=num_envs, num_workers=num_workers,
     )  # fmt: skip
     print(json.dumps(summary), flush=True)
     return 0
@@ -250,6 +252,45 @@ def evaluate_planner(
         randomization=randomization, num_workers=num_workers, progress=tell,
     )  # fmt: skip
     print(json.dumps(summary), flush=True)
+    return 0
+
+
+@app.command
+def measure_sensitivity(
+    agent: Annotated[Path, arg(metavar="DIR")],
+    out: Annotated[Path, arg(metavar="FILE")],
+    only: Annotated[str, arg(metavar="NAME[,NAME]")] = "",
+    objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "paper",
+    goals_per_case: Annotated[int, arg(metavar="N")] = 8,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+    num_workers: int = 1,
+) -> int:
+    """Evaluate a tactile agent with one term of the randomisation at a time off, and twice as wide.
+
+    All conditions play the same episodes in Bullet. Given again, a killed command goes on with the next condition.
+
+    Args:
+        agent: The agent's directory.
+        out: The file to write or to go on with; the figure reads results/episodes/<agent>/sensitivity.csv.
+        only: Conditions such as "joint offset x 0"; all by default.
+        objects: Object sets, names or ids, separated by commas.
+        goals_per_case: How many of the 24 goals each object is given.
+        seed: Of the evaluation, as in evaluate.
+        num_workers: Processes that simulate.
+    """
+    from object_sets.storage import check_file_writable
+    from reproduce.sensitivity import measure_to
+
+    def tell(condition: str, done: int, total: int) -> None:
+        print(f"{condition}: {done} of {total} episodes", file=sys.stderr, flush=True)
+
+    check_file_writable(out, "--out")
+    names = [name.strip() for name in only.split(",") if name.strip()]
+    count = measure_to(
+        agent, out, only=names, objects=objects, goals_per_case=goals_per_case, seed=seed, num_workers=num_workers,
+        progress=tell,
+    )  # fmt: skip
+    print(json.dumps({"episodes": count, "out": str(out)}), flush=True)
     return 0
 
 

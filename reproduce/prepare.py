@@ -27,7 +27,7 @@ def weight(evaluation: Evaluation) -> int:
 def prepare(plan: Plan) -> Path:
     """Writes the job files below ``<out>/.pipeline`` (only those that changed); returns the workflow's config file."""
     jobs = plan.pipeline / "jobs"
-    evaluations = [evaluation for evaluation in plan.evaluations if plan.available(evaluation.run)]
+    evaluations = [evaluation for evaluation in plan.evaluations if plan.possible(evaluation)]
     grasps: dict[str, Any] = {}
     train: dict[str, Any] = {}
     evaluate: dict[str, Any] = {}
@@ -108,6 +108,6 @@ def describe(plan: Plan) -> str:
     """One line for the terminal."""
     there = sum(plan.available(run) for run in plan.runs)
     agents = f"{len(plan.runs)} runs to train" if plan.trains else f"{there} of {len(plan.runs)} agents there"
-    episodes = sum(weight(e) for e in plan.evaluations if plan.available(e.run))
+    episodes = sum(weight(e) for e in plan.evaluations if plan.possible(e))
     where = f"scale {plan.scale.name} from {plan.source}"
     return f"{where}: {agents}, {episodes} evaluation episodes, into {shown(plan.out)}"

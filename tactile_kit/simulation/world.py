@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -123,6 +123,28 @@ class World:
         """Put hand and object into ``grasp``, at rest."""
         still = np.zeros(3)
         self._put(Snapshot(**vars(grasp), speeds=np.zeros(kinematics.ALL_JOINTS), velocity=still, spin=still))
+
+    def pin(self) -> Callable[[], None]:
+        """Something that puts the object back to where it is now, at rest."""
+        place = self.bullet.getBasePositionAndOrientation(self.object)
+
+        def back() -> None:
+            self.bullet.resetBasePositionAndOrientation(self.object, *place)
+            self.bullet.resetBaseVelocity(self.object, [0.0] * 3, [0.0] * 3)
+
+        return back
+
+    def pace(self) -> tuple[float, float]:
+        """Speed (m/s) and spin (rad/s) of the object."""
+        velocity, spin = self.bullet.getBaseVelocity(self.object)
+        return math.hypot(*velocity), math.hypot(*spin)
+
+    def overlap(self, anew: bool = False) -> float:
+        """How deep (m) a finger is inside the object, at the last physics step or found ``anew``; 0 without touch."""
+        if anew:
+            self.bullet.performCollisionDetection()
+        distances = [point[8] for point in self.bullet.getContactPoints(self.object)]
+        return max(0.0, -min(distances)) if distances else 0.0
 
     def snapshot(self) -> Snapshot:
         """The present moment."""

@@ -8,7 +8,7 @@ import pytest
 import object_sets
 from reproduce.artefacts.learning import CURVES
 from reproduce.claims import NOT_MEASURED, NOT_REPRODUCED, REPRODUCED, judge_all
-from reproduce.inventory import ABLATED, BENCHMARK, ORACLE, TACTILE
+from reproduce.inventory import ABLATED, BENCHMARK, ORACLE, TACTILE, TRANSFER
 
 THINGS = {thing.id: thing for thing in object_sets.load("all")}
 ALL = set(range(1, 17))
@@ -27,7 +27,7 @@ def test_in_the_papers_world_every_claim_but_transfer_holds(full_world):
     found = verdicts(full_world)
     assert set(found) == ALL
     assert {n for n, v in found.items() if v.verdict == REPRODUCED} == ALL - {16}
-    assert found[16].verdict == NOT_MEASURED and "transfer" in found[16].figures
+    assert found[16].verdict == NOT_MEASURED and TRANSFER in found[16].figures
 
 
 def test_without_data_nothing_is_measured(world):
@@ -125,7 +125,7 @@ def test_an_agent_blind_to_its_mesh_refutes_13_and_14(full_world):
 @pytest.mark.parametrize("rate, verdict", [(0.86, REPRODUCED), (0.4, NOT_REPRODUCED)])
 def test_transfer_is_judged_once_it_exists(full_world, rate, verdict):
     rows = [row for i in range(13) for row in full_world.draw(TACTILE, THINGS[i], round(200 * rate), 200)]
-    full_world.evaluated(TACTILE, "transfer", rows)
+    full_world.evaluated(TACTILE, TRANSFER, rows)
     assert verdicts(full_world)[16].verdict == verdict
 
 

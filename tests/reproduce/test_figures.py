@@ -14,7 +14,7 @@ from reproduce.artefacts.learning import band, ends
 from reproduce.artefacts.violin import density_of
 from reproduce.cells import read_cells
 from reproduce.errors import ReproduceError
-from reproduce.inventory import ORACLE, TACTILE
+from reproduce.inventory import ORACLE, TACTILE, TRANSFER, TRANSFERRED
 from reproduce.plan import FIGURES
 from reproduce.results import Curve, read_curve
 from reproduce.style import figure, missing_bar, say_missing
@@ -65,22 +65,36 @@ def test_bars_hold_rate_interval_and_count(world, tmp_path):
     make("success", world.results, files)
     cells = read_cells(files[2])
     simulated = [cell for cell in cells if "simulation" in cell.column]
-    transferred = [cell for cell in cells if "transfer" in cell.column]
+    transferred = [cell for cell in cells if "another" in cell.column]
     assert len(simulated) == len(transferred) == 13
     for item, cell in enumerate(simulated):
         assert cell.ours == pytest.approx(item / 24, abs=1e-6) and cell.n == 24
         assert (cell.low, cell.high) == pytest.approx(wilson(item, 24), abs=1e-6)
         assert cell.paper == (0.66 if item in (5, 12) else 0.90)
-    assert all(cell.status == "missing" and cell.note == "no transfer run" for cell in transferred)
+    assert all(cell.status == "missing" and cell.note == "not evaluated there" for cell in transferred)
 
 
 def test_transferred_episodes_fill_their_bars(world, tmp_path):
-    for evaluation, successes in (("nominal", 20), ("transfer", 12)):
+    for evaluation, successes in (("nominal", 20), (TRANSFER, 12)):
         rows = [row for i in range(13) for row in world.draw(TACTILE, THINGS[i], successes, 24)]
         world.evaluated(TACTILE, evaluation, rows)
     files = outputs("success", tmp_path)
     make("success", world.results, files)
-    assert {c.ours for c in read_cells(files[2]) if "transfer" in c.column} == {0.5}
+    assert {c.ours for c in read_cells(files[2]) if "another" in c.column} == {0.5}
+
+
+def test_agents_stand_in_both_simulators_by_class(world, tmp_path):
+    for role, here, there in zip(TRANSFERRED, (20, 16, 12), (18, 10, 6), strict=True):
+        for evaluation, successes in (("nominal", here), (TRANSFER, there)):
+            rows = [row for i in range(13) for row in world.draw(role, THINGS[i], successes, 24)]
+            world.evaluated(role, evaluation, rows)
+    files = outputs("transfer", tmp_path)
+    make("transfer", world.results, files)
+    cells = read_cells(files[2])
+    assert [cell.row for cell in cells[:4]] == ["All", "Convex", "Round", "Non-convex"]
+    assert [cell.n for cell in cells[:4]] == [13 * 24, 6 * 24, 2 * 24, 5 * 24]
+    rates = [round(24 * cell.ours) for cell in cells if cell.row == "All"]
+    assert rates == [20, 18, 16, 10, 12, 6]
 
 
 def test_complex_compares_the_agents(world, tmp_path):
