@@ -63,6 +63,13 @@ def read_json(path: str | os.PathLike) -> Any:
         raise ReproduceError(f"{path}: not valid JSON: {error}") from None
 
 
+def require_agent(directory: Path) -> Path:
+    """The directory, where it holds an agent; else ``ReproduceError``. Looks no further: loading takes seconds."""
+    if not (directory / "agent.json").is_file():
+        raise ReproduceError(f"{directory}: no agent there (agent.json is missing)")
+    return directory
+
+
 def shown(path: str | os.PathLike) -> str:
     """The path below the repository where it is below it, else as it is: what files and reports may mention."""
     path = Path(path)

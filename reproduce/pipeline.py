@@ -23,7 +23,7 @@ from reproduce.progress import Progress
 
 _STAGE = re.compile(r"-m reproduce stage (\S+)(?: (\S+))? --pipeline")
 _SECONDS = {"objects": 2.0, "grasps": 60.0}  # rough cost of jobs, for the time left only
-_EPISODE, _STEP, _ARTEFACT = 0.15, 0.004, 3.0
+_EPISODE, _STEP, _ARTEFACT = 0.15, 0.0003, 3.0
 
 
 def run(plan: Plan, jobs: int, profile: str | None = None, quiet: bool = False) -> int:

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from tactile_kit.hand import kinematics
 from tactile_kit.simulation.bodies import finger_files
 from tactile_kit.simulation.client import Client
+from tactile_kit.simulation.quiet_bullet import pybullet
 from tactile_kit.task.rotations import to_quaternion
 
 Array = NDArray[np.float64]

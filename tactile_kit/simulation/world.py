@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from tactile_kit.hand import kinematics
@@ -17,6 +16,7 @@ from tactile_kit.simulation.bodies import MIN_MASS, Body
 from tactile_kit.simulation.client import Client
 from tactile_kit.simulation.config import SAMPLES, SimulationConfig
 from tactile_kit.simulation.hand import Hand
+from tactile_kit.simulation.quiet_bullet import pybullet
 from tactile_kit.task.rotations import to_quaternion
 
 Array = NDArray[np.float64]
