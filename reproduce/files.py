@@ -9,7 +9,9 @@ from typing import Any
 
 from reproduce.errors import ReproduceError
 
-ROOT = Path(__file__).resolve().parent.parent  # the repository: where results/ and the shipped agents are
+CODE = Path(__file__).resolve().parent.parent  # what the packages are in: a checkout, or site-packages
+# Where results/ and its agents are: the checkout, or where the command is given if that is not where the packages are.
+ROOT = CODE if (CODE / "setup.cfg").is_file() else Path.cwd()
 
 
 def write_atomic(path: str | os.PathLike, content: str | bytes) -> Path:
