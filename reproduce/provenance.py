@@ -81,7 +81,10 @@ def _holds(cell: Cell) -> bool:
 
 
 def differences() -> list[dict[str, Any]]:
-    """docs/differences.md (the package holds it through a link) as plain data: title, rows of its table (paper, here, why), points beside it."""
+    """docs/differences.md as plain data: title, rows of its table (paper, here, why), points beside it.
+
+    The package holds the page through a link, so that an installed one has it too.
+    """
     text = (Path(__file__).parent / "paper_values" / "differences.md").read_text(encoding="utf-8")
     sections = []
     for part in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:

@@ -9,6 +9,7 @@ import re
 import textwrap
 import typing
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args, get_origin
 
@@ -20,8 +21,8 @@ HEAD = """# Commands
 
 <!-- Made from the code by `make docs`; edit the docstrings of reproduce/cli.py and object_sets/commands/ instead. -->
 
-Two commands are installed. `--help` after any of them says the same in the terminal. Progress goes to stderr, results to stdout;
-errors are one line and exit status 2, Ctrl-C and SIGTERM end cleanly (130, 143).
+Two commands are installed. `--help` after any of them says the same in the terminal. Progress goes to stderr, results
+to stdout; errors are one line and exit status 2, Ctrl-C and SIGTERM end cleanly (130, 143).
 """
 
 
@@ -87,7 +88,7 @@ def _of_class(kind: type[Any]) -> list[Argument]:
 def _attribute_docs(kind: type[Any]) -> Iterator[tuple[str, str]]:
     """The strings below a class's attributes, which tyro shows too."""
     body = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0].body  # type: ignore[attr-defined]
-    for statement, after in zip(body, body[1:], strict=False):
+    for statement, after in pairwise(body):
         said = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
         if isinstance(statement, ast.AnnAssign) and said and isinstance(statement.target, ast.Name):
             yield statement.target.id, inspect.cleandoc(after.value.value)  # type: ignore[attr-defined]

@@ -1,4 +1,4 @@
-"""The glossary's pictures: ``python -m reproduce.pages.pictures docs/media/glossary``. Encodings are drawn as computed."""
+"""The glossary's pictures: ``python -m reproduce.pages.pictures docs/media/glossary``; encodings as computed."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ TERMS = {
 }
 ACTIONS = {
     "absolute": "target joint angles: -1 to 1 is the joint's range (the paper's)",
-    "increment": "steps from the filtered command: 0 rests, 1 moves on by 0.15 rad in 0.1 s (what the shipped agents use)",
+    "increment": "steps from the filtered command: 0 rests, 1 moves on by 0.15 rad in 0.1 s (the shipped agents')",
 }
 REWARD = {
     "rotation": "angle gained towards the goal, clipped from above",
@@ -53,7 +53,7 @@ METRICS = {
     "steps_per_second": "since the line before",
     "gravity": "m/s², where a curriculum sets it",
     "rho": "share of the episodes in which the policy is told the true pose",
-    "estimator/*": "means of the estimator's last training: loss, errors of shape (m), angle (rad) and position (m), sigmas",
+    "estimator/*": "means of the estimator's last training: loss, errors (shape and position m, angle rad), sigmas",
     "fed/*": "episodes in which the policy was told the estimate: its error, success, drops, what is believed",
     "policy_loss": "PPO's clipped objective",
     "value_loss": "squared error of the critic",
@@ -140,8 +140,8 @@ def _reward() -> str:
 def _metrics() -> str:
     rows = [(f"`{name}`", text) for name, text in METRICS.items()]
     return (
-        "## Metrics of a training\n\nOne JSON object a line in `metrics.jsonl`, the same in TensorBoard. Held-out evaluations are "
-        "lines of their own (`evaluation: true`) with `success_rate`, `episodes`, `drops`, `theta`.\n\n"
+        "## Metrics of a training\n\nOne JSON object a line in `metrics.jsonl`, the same in TensorBoard. Held-out "
+        "evaluations are lines of their own (`evaluation: true`) with `success_rate`, `episodes`, `drops`, `theta`.\n\n"
         + table(("key", "meaning"), rows)
     )
 
@@ -167,8 +167,8 @@ def _settings() -> str:
     rows = [(f"`{name}`", f"`{_short(default)}`", text) for name, default, text in _walk(RunConfig())]
     names = ", ".join(f"`{name}`" for name in presets())
     return (
-        "## Settings of a training\n\nThe YAML file of `reproduce train` says what differs from these, or from the preset that it "
-        f"names ({names}); nested keys are nested mappings.\n\n"
+        "## Settings of a training\n\nThe YAML file of `reproduce train` says what differs from these, or from the "
+        f"preset that it names ({names}); nested keys are nested mappings.\n\n"
         + table(("setting", "default", "meaning"), rows)
     )
 

@@ -1,4 +1,4 @@
-"""Hooks of the site's build (mkdocs.yml): notebooks become pages, and links that leave docs/ go to the checkout's files."""
+"""Hooks of the site's build (mkdocs.yml): notebooks become pages, links that leave docs/ go to the checkout's files."""
 
 from __future__ import annotations
 

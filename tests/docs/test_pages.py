@@ -27,7 +27,7 @@ def test_every_metric_is_explained() -> None:
     keys: set[str] = set()
     for path in (ROOT / "results" / "agents").glob("*-geometric8-s0/metrics.jsonl"):
         lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-        trained = [line for line in lines if not line.get("evaluation") and "updates" in line]
+        trained = [line for line in lines if not line.get("evaluation") and "policy_loss" in line]  # PPO
         keys |= set(trained[-1]) if trained else set()
     assert unexplained(keys) == set() and len(keys) > 30
     assert keys >= {key for key in METRICS if not key.endswith("*")} - {"teacher_divergence"}

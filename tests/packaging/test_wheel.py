@@ -52,9 +52,8 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     ]
     subprocess.run([sys.executable, *install], check=True)
     # A path file takes over the folder of packages, but not the path files in it: no editable install comes along.
-    purelib = subprocess.run(
-        [python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"], capture_output=True, text=True, check=True
-    ).stdout.strip()  # fmt: skip
+    code = "import sysconfig; print(sysconfig.get_path('purelib'))"
+    purelib = subprocess.check_output([python, "-c", code], text=True).strip()
     (Path(purelib) / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
     return environment / "bin"
 
