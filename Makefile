@@ -67,10 +67,14 @@ bench: setup  ## measure speed and physics, some twenty minutes of an idle machi
 		echo "$$script"; OMP_NUM_THREADS=1 $(BIN)/python "$$script" $(BENCH_ARGS) || exit 1; done
 	$(BIN)/python benchmarks/render.py
 
-docs: setup  ## the pages that are made from data
+docs: setup  ## the pages that are made from data and code, and from all of them the site: site/index.html, offline
 	$(BIN)/python -m randomization.table docs/randomization.md
 	$(BIN)/python -m reproduce.readme README.md results
+	$(BIN)/python -m reproduce.pages docs
+	@$(BIN)/python -c "import mkdocs_autorefs, material" 2>/dev/null \
+		|| $(BIN)/python -m pip install --quiet --constraint constraints.txt $(PIP_ARGS) --editable '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 clean:  ## remove caches and what builds leave behind (not .venv, not results)
-	rm -rf .cache .pytest_cache .hypothesis .snakemake .coverage build dist *.egg-info
+	rm -rf site .cache .pytest_cache .hypothesis .snakemake .coverage build dist *.egg-info
 	find . -path ./$(VENV) -prune -o -name __pycache__ -type d -print0 | xargs -0 rm -rf

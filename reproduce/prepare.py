@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from reproduce.files import ROOT, dump_yaml, read_json, shown, write_if_changed
+from reproduce.files import CODE, dump_yaml, read_json, shown, write_if_changed
 from reproduce.inventory import NEEDS, found, inventory, is_made
 from reproduce.plan import ARTEFACTS, Evaluation, Plan
 from reproduce.settings import evaluation_grasps, evaluation_settings, run_settings, training_grasps
@@ -78,7 +78,7 @@ def prepare(plan: Plan) -> Path:
     content = {
         "out": str(plan.out),
         "pipeline": str(plan.pipeline),
-        "source": str(ROOT / "reproduce"),
+        "source": str(CODE / "reproduce"),
         "num_workers": plan.scale.num_workers,
         "grasps": sorted(grasps),
         "train": train,

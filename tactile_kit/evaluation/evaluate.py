@@ -116,6 +116,8 @@ def _roll_out(
     )
     try:
         observations = env.reset()
+        if progress is not None:
+            progress(0, len(specs))
         # Environments that have run out of episodes play on; so this bounds the steps any evaluation can take.
         for _ in range((HORIZON + 1) * len(specs)):
             env.step_async(agent.act(observations))

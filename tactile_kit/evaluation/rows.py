@@ -140,6 +140,11 @@ _COLUMNS: dict[str, _Column] = {
 }
 
 
+def allowed() -> dict[str, str]:
+    """What each column may hold, in words."""
+    return {name: _COLUMNS[name].allowed for name in COLUMNS}
+
+
 def _format(value: object) -> str:
     if value is None:
         return ""

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from tactile_kit.hand import kinematics
@@ -18,6 +17,7 @@ from tactile_kit.simulation.bodies import MIN_MASS, Body
 from tactile_kit.simulation.client import Client
 from tactile_kit.simulation.config import SAMPLES, SimulationConfig
 from tactile_kit.simulation.hand import Hand
+from tactile_kit.simulation.quiet_bullet import pybullet
 
 Array = NDArray[np.float64]
 MAX_JOINT_SPEED = 60.0  # rad/s; ten times what the controller's torque limit can bring about in free air

@@ -23,6 +23,7 @@ from reproduce.files import ROOT
         ["evaluate-planner", "--help"],
         ["train-estimator", "--help"],
         ["measure-estimator", "--help"],
+        ["status", "--help"],
     ],
 )
 def test_help_needs_nothing_heavy(arguments):
@@ -42,6 +43,7 @@ def test_help_needs_nothing_heavy(arguments):
 @pytest.mark.parametrize(
     "arguments, words",
     [
+        (["trian", "--help"], ["trian", "'train'"]),
         (["run", "--scale", "smol"], ["smol", "smoke"]),
         (["run", "--jobs", "0"], ["--jobs 0", ">= 1"]),
         (["stage", "tabel1", "--scale", "smoke"], ["tabel1", "table1"]),

@@ -9,7 +9,7 @@ import pytest
 
 import object_sets
 from reproduce.artefacts import make
-from reproduce.artefacts.extent import polynomial, samples
+from reproduce.artefacts.extent import polynomial, samples, smooth
 from reproduce.artefacts.learning import band, ends
 from reproduce.artefacts.violin import density_of
 from reproduce.cells import read_cells
@@ -161,6 +161,20 @@ def test_extent_samples_and_fit(world):
     exact = 0.3 + 40 * (x - 0.06) ** 2
     np.testing.assert_allclose(polynomial(x, exact, 4)(x), exact, atol=1e-9)
     assert polynomial(x[:5], exact[:5], 4) is None  # five points fix a polynomial of degree 4; that is no fit
+
+
+def test_a_smoother_says_nothing_where_there_is_nothing():
+    rng = np.random.default_rng(0)
+    x = np.concatenate([rng.uniform(0.046, 0.055, 40), rng.uniform(0.077, 0.089, 40)])
+    rates = np.where(x < 0.06, 0.2, 0.8) + rng.normal(0, 0.05, 80)
+    left, right = smooth(x, rates, seed=0)
+    assert left[0].max() < 0.062 and right[0].min() > 0.07  # nothing is drawn across the gap
+    for (_, mean, low, high), level in ((left, 0.2), (right, 0.8)):
+        assert (low <= mean).all() and (mean <= high).all() and (high - low < 0.1).all()
+        np.testing.assert_allclose(mean, level, atol=0.05)
+    assert smooth(x[:3], rates[:3], seed=0) == []
+    again, _ = smooth(x, rates, seed=0)
+    np.testing.assert_array_equal(again[2], left[2])
 
 
 @pytest.mark.parametrize("sizes, fitted", [(24, 0), (256, 2)])
