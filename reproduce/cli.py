@@ -13,10 +13,8 @@ import tyro
 from tyro.conf import Positional, arg
 from tyro.extras import SubcommandApp
 
-from object_sets.errors import nearest
 from reproduce.ending import status_of
 from reproduce.errors import ReproduceError
-from reproduce.files import require_agent
 from reproduce.output import counted, dumps, say, tell
 
 Scale = Annotated[str, arg(metavar="smoke|small|paper|FILE")]
@@ -152,6 +150,7 @@ def evaluate(
         num_workers: Processes that simulate.
         json: No table, the JSON object alone.
     """
+    from reproduce.files import require_agent
     from reproduce.stages.evaluate import evaluate_to
 
     say(f"evaluate: loads {require_agent(agent)}, prepares {objects}")
@@ -188,10 +187,10 @@ def train_estimator(
         closed_loop: The policy is told the estimate, not the truth.
         seed: Of weights and episodes.
     """
-    say(f"{out.name}: reads {require_agent(agent)}, loads what it needs")
     from reproduce.estimator import measure, settings_of, table
     from reproduce.stages.train import train_config
 
+    say(f"{out.name}: reads {require_agent(agent)}, loads what it needs")
     train_config(settings_of(agent, steps, cell, loss, closed_loop, seed), out)
     print(table(measure(out, "geometric8", not closed_loop, 512, seed)))
     return 0
@@ -224,9 +223,9 @@ def measure_estimator(
         each: One row an object instead of a class.
         json: No table but one JSON list of its rows.
     """
-    say(f"measure-estimator: loads {require_agent(agent)}, prepares {objects}")
     from reproduce.estimator import measure, table
 
+    say(f"measure-estimator: loads {require_agent(agent)}, prepares {objects}")
     rows = measure(agent, objects, not closed_loop, episodes, seed, estimator, each)
     print(dumps(rows) if json else table(rows))
     return 0
@@ -336,6 +335,7 @@ def film(
         size: Edge of a panel in pixels, a multiple of 16.
     """
     from object_sets.storage import check_file_writable
+    from reproduce.files import require_agent
 
     check_file_writable(out, "--out")
     say(f"film: loads {require_agent(agent)}, prepares {objects}")
@@ -426,6 +426,8 @@ def _run(args: list[str]) -> int:
     # tyro would answer `reproduce trian --help` with the help of `reproduce`
     names = [command.__name__.replace("_", "-") for command in COMMANDS]
     if args and not args[0].startswith("-") and args[0] not in names:
+        from tactile_kit.errors import nearest
+
         raise ReproduceError(f"sub-command {args[0]!r} unknown{nearest(args[0], names)}")
     description = (__doc__ or "").splitlines()[0]
     app = SubcommandApp()
