@@ -188,6 +188,7 @@ def train_estimator(
         seed: Of weights and episodes.
     """
     from reproduce.estimator import measure, settings_of, table
+    from reproduce.files import require_agent
     from reproduce.stages.train import train_config
 
     say(f"{out.name}: reads {require_agent(agent)}, loads what it needs")
@@ -224,6 +225,7 @@ def measure_estimator(
         json: No table but one JSON list of its rows.
     """
     from reproduce.estimator import measure, table
+    from reproduce.files import require_agent
 
     say(f"measure-estimator: loads {require_agent(agent)}, prepares {objects}")
     rows = measure(agent, objects, not closed_loop, episodes, seed, estimator, each)
