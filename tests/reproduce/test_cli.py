@@ -23,6 +23,8 @@ from reproduce.files import ROOT
         ["evaluate-planner", "--help"],
         ["train-estimator", "--help"],
         ["measure-estimator", "--help"],
+        ["film", "--help"],
+        ["view", "--help"],
     ],
 )
 def test_help_needs_nothing_heavy(arguments):
