@@ -31,7 +31,7 @@ $(INSTALLED): setup.cfg pyproject.toml constraints.txt
 		|| { echo "$(PYTHON) is too old or absent: Python >= 3.11 is needed (make PYTHON=/path/to/python setup)"; exit 1; }
 	@$(BIN)/python -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv $(VENV) \
 		|| { echo "no virtual environment could be made; on Debian: apt-get install python3-venv"; exit 1; }
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt $(PIP_ARGS) --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt $(PIP_ARGS) --editable '.[dev,transfer]'
 	@for module in pybullet torch numba manifold3d rtree coacd matplotlib; do \
 		$(BIN)/python -c "import $$module" 2>$(VENV)/.import-error || { tail -n 1 $(VENV)/.import-error; \
 		echo "$$module does not load: is a system library missing? On Debian: apt-get install libgomp1 libgl1 libstdc++6"; \
@@ -67,10 +67,14 @@ bench: setup  ## measure speed and physics, some twenty minutes of an idle machi
 		echo "$$script"; OMP_NUM_THREADS=1 $(BIN)/python "$$script" $(BENCH_ARGS) || exit 1; done
 	$(BIN)/python benchmarks/render.py
 
-docs: setup  ## the pages that are made from data
+docs: setup  ## the pages that are made from data and code, and from all of them the site: site/index.html, offline
 	$(BIN)/python -m randomization.table docs/randomization.md
 	$(BIN)/python -m reproduce.readme README.md results
+	$(BIN)/python -m reproduce.pages docs
+	@$(BIN)/python -c "import mkdocs_autorefs, material" 2>/dev/null \
+		|| $(BIN)/python -m pip install --quiet --constraint constraints.txt $(PIP_ARGS) --editable '.[docs]'
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 clean:  ## remove caches and what builds leave behind (not .venv, not results)
-	rm -rf .cache .pytest_cache .hypothesis .snakemake .coverage build dist *.egg-info
+	rm -rf site .cache .pytest_cache .hypothesis .snakemake .coverage build dist *.egg-info
 	find . -path ./$(VENV) -prune -o -name __pycache__ -type d -print0 | xargs -0 rm -rf

@@ -17,6 +17,7 @@ from randomization.errors import RandomizationError, SeedError
 from randomization.files import PRESETS, preset, read_randomization, write_randomization
 from randomization.gravity import STANDARD_GRAVITY, GravitySchedule
 from randomization.sampling import Randomization, Term
+from randomization.scaling import scaled
 from randomization.streams import derive, stream
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "derive",
     "preset",
     "read_randomization",
+    "scaled",
     "stream",
     "write_randomization",
 ]

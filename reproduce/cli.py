@@ -1,8 +1,10 @@
-"""The command ``reproduce``. Everything heavy is imported by the sub-command that needs it."""
+"""The command ``reproduce``: the paper's results, and what they are made of, step by step.
+
+Everything heavy is imported by the sub-command that needs it.
+"""
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Annotated, Literal
@@ -11,10 +13,13 @@ import tyro
 from tyro.conf import Positional, arg
 from tyro.extras import SubcommandApp
 
-app = SubcommandApp()
+from reproduce.ending import status_of
+from reproduce.errors import ReproduceError
+from reproduce.output import counted, dumps, say, tell
 
 Scale = Annotated[str, arg(metavar="smoke|small|paper|FILE")]
 Source = Annotated[Literal["pretrained", "scratch"], arg(name="from")]
+Json = Annotated[bool, arg(name="json")]
 DirectoryOrNone = Annotated[Path | None, arg(metavar="DIR")]
 
 
@@ -26,7 +31,6 @@ def _plan(scale: str, source: str, out: Path | None, agents: Path | None):
     return make_plan(loaded, source, default_out(loaded.name, source) if out is None else out, agents)
 
 
-@app.command
 def run(
     scale: Scale = "small",
     source: Source = "pretrained",
@@ -48,7 +52,6 @@ def run(
             scratch.
         agents: Folder of agent directories. Default: results/agents, or <out>/agents from scratch.
     """
-    from reproduce.errors import ReproduceError
     from reproduce.pipeline import run as run_pipeline
 
     if jobs < 1:
@@ -56,7 +59,6 @@ def run(
     return run_pipeline(_plan(scale, source, out, agents), jobs, profile)
 
 
-@app.command
 def stage(
     name: Positional[str],
     item: Positional[str] = "",
@@ -69,8 +71,8 @@ def stage(
     """Run one stage by hand: objects, grasps, train, evaluate, or a table, figure, claims, report.
 
     Args:
-        name: Stage: objects, grasps, train, evaluate, table1, table2, object_sets, learning, violin, success, complex,
-            extent, confusion, claims, report.
+        name: Stage: objects, grasps, train, evaluate, table1, table2, object_sets, learning, violin, success, transfer,
+            complex, extent, confusion, claims, report.
         item: Which job of the stage, for example oracle-vec_bps-geometric8-s0/nominal; all of them by default.
         scale: As in run.
         source: As in run.
@@ -92,21 +94,27 @@ def stage(
     return 0
 
 
-@app.command
 def train(config: Positional[Path], out: Annotated[Path, arg(metavar="DIR")]) -> int:
     """Train one agent as a run configuration (YAML) says, or go on with a run that was stopped.
+
+    Ctrl-C or SIGTERM ends it after the roll-out in progress, with a checkpoint; a second one ends it at once.
 
     Args:
         config: The run's settings; the config.yaml of any run directory will do.
         out: The run directory. With the same configuration a stopped run is continued.
     """
-    from reproduce.stages.train import train_file
+    from tactile_kit.runs.config import RunConfig
 
-    train_file(config, out)
+    settings = RunConfig.from_yaml(config)
+    say(f"{out.name}: {settings.steps:,} steps as {config} says; loads what it needs")
+    from reproduce.stages.train import train_config
+    from reproduce.summary import summary
+
+    train_config(settings, out)
+    print(summary(out))
     return 0
 
 
-@app.command
 def evaluate(
     agent: Annotated[Path, arg(metavar="DIR")],
     out: Annotated[Path, arg(metavar="FILE")],
@@ -117,12 +125,15 @@ def evaluate(
     scaling: Literal["nominal", "random"] = "nominal",
     sizes: int = 1,
     estimator: Annotated[str, arg(metavar="NAME|DIR")] = "own",
+    world: Annotated[str, arg(metavar="bullet|mujoco")] = "bullet",
     num_envs: int = 16,
     num_workers: int = 1,
+    json: Json = False,
 ) -> int:
     """Evaluate an agent on the 24 octahedral goals; one row an episode goes to FILE (CSV).
 
-    The last line on stdout is one JSON object with success_rate and episodes.
+    A small table goes to the terminal. For programs the last line on stdout is one JSON object with success_rate and
+    episodes: with --json, and wherever stdout is no terminal.
 
     Args:
         agent: The agent's directory.
@@ -134,20 +145,25 @@ def evaluate(
         scaling: Nominal sizes, or random extents.
         sizes: Random sizes an object.
         estimator: What tells the agent of the pose: own, kalman, rest, or a tactile agent whose cell does.
+        world: The physics: bullet, or mujoco, which the extra transfer installs.
         num_envs: Environments stepped together.
         num_workers: Processes that simulate.
+        json: No table, the JSON object alone.
     """
+    from reproduce.files import require_agent
     from reproduce.stages.evaluate import evaluate_to
 
-    summary = evaluate_to(
-        agent, out, objects=objects, episodes_per_goal=episodes_per_goal, seed=seed, given=given, scaling=scaling,
-        sizes=sizes, estimator=estimator, num_envs=num_envs, num_workers=num_workers,
-    )  # fmt: skip
-    print(json.dumps(summary), flush=True)
+    say(f"evaluate: loads {require_agent(agent)}, prepares {objects}")
+    with counted("evaluate", "episodes") as progress:
+        summary = evaluate_to(
+            agent, out, objects=objects, episodes_per_goal=episodes_per_goal, seed=seed, given=given, scaling=scaling,
+            sizes=sizes, estimator=estimator, world=world, num_envs=num_envs, num_workers=num_workers,
+            progress=progress,
+        )  # fmt: skip
+    tell(summary, json)
     return 0
 
 
-@app.command
 def train_estimator(
     agent: Annotated[Path, arg(metavar="DIR")],
     out: Annotated[Path, arg(metavar="DIR")],
@@ -172,14 +188,15 @@ def train_estimator(
         seed: Of weights and episodes.
     """
     from reproduce.estimator import measure, settings_of, table
+    from reproduce.files import require_agent
     from reproduce.stages.train import train_config
 
+    say(f"{out.name}: reads {require_agent(agent)}, loads what it needs")
     train_config(settings_of(agent, steps, cell, loss, closed_loop, seed), out)
     print(table(measure(out, "geometric8", not closed_loop, 512, seed)))
     return 0
 
 
-@app.command
 def measure_estimator(
     agent: Annotated[Path, arg(metavar="DIR")],
     objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "geometric8",
@@ -188,6 +205,7 @@ def measure_estimator(
     episodes: Annotated[int, arg(metavar="N")] = 512,
     seed: Annotated[int, arg(metavar="S")] = 0,
     each: bool = False,
+    json: Json = False,
 ) -> int:
     """Measure a tactile agent's estimator: error of its angle (mean/median, rad) in time, by Table I's classes.
 
@@ -204,14 +222,17 @@ def measure_estimator(
         episodes: How many, all at once.
         seed: Of the episodes.
         each: One row an object instead of a class.
+        json: No table but one JSON list of its rows.
     """
     from reproduce.estimator import measure, table
+    from reproduce.files import require_agent
 
-    print(table(measure(agent, objects, not closed_loop, episodes, seed, estimator, each)))
+    say(f"measure-estimator: loads {require_agent(agent)}, prepares {objects}")
+    rows = measure(agent, objects, not closed_loop, episodes, seed, estimator, each)
+    print(dumps(rows) if json else table(rows))
     return 0
 
 
-@app.command
 def evaluate_planner(
     out: Annotated[Path, arg(metavar="FILE")],
     objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "paper",
@@ -221,12 +242,14 @@ def evaluate_planner(
     randomization: Annotated[str, arg(metavar="PRESET")] = "default",
     planner: Annotated[Path | None, arg(metavar="YAML")] = None,
     num_workers: int = 0,
+    json: Json = False,
 ) -> int:
     """Evaluate the planner, which needs no agent, on the same episodes; given again, a killed command goes on.
 
     Finished objects go to FILE (CSV), their cost in seconds of one core to the JSON beside it. Objects that are in FILE
-    are not played again. The last line on stdout is one JSON object with success_rate, drops and
-    cpu_seconds_per_action of the objects asked for.
+    are not played again. A small table goes to the terminal. For programs the last line on stdout is one JSON object
+    with success_rate, drops and cpu_seconds_per_action of the objects asked for: with --json, and wherever stdout is no
+    terminal.
 
     Args:
         out: The episode file to write or to go on with; Table I reads results/episodes/planner/nominal.csv.
@@ -237,23 +260,62 @@ def evaluate_planner(
         randomization: Preset or YAML file of domain randomisation; agents are evaluated under the default.
         planner: Settings of the planner (tactile_kit.planning.PlannerConfig); its defaults by default.
         num_workers: Processes that plan, an episode each; 0: this one.
+        json: No table, the JSON object alone.
     """
     from object_sets.storage import check_file_writable
     from reproduce.planner import evaluate_to
 
-    def tell(done: int, total: int) -> None:
-        print(f"{done} of {total} episodes", file=sys.stderr, flush=True)
-
     check_file_writable(out, "--out")
-    summary = evaluate_to(
-        out, objects, planner=planner, episodes_per_goal=episodes_per_goal, goals_per_case=goals_per_case, seed=seed,
-        randomization=randomization, num_workers=num_workers, progress=tell,
-    )  # fmt: skip
-    print(json.dumps(summary), flush=True)
+    say(f"evaluate-planner: prepares {objects}")
+    with counted("evaluate-planner", "episodes") as progress:
+        summary = evaluate_to(
+            out, objects, planner=planner, episodes_per_goal=episodes_per_goal, goals_per_case=goals_per_case,
+            seed=seed, randomization=randomization, num_workers=num_workers, progress=progress,
+        )  # fmt: skip
+    tell(summary, json)
     return 0
 
 
-@app.command
+def measure_sensitivity(
+    agent: Annotated[Path, arg(metavar="DIR")],
+    out: Annotated[Path, arg(metavar="FILE")],
+    only: Annotated[str, arg(metavar="NAME[,NAME]")] = "",
+    objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "paper",
+    goals_per_case: Annotated[int, arg(metavar="N")] = 8,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+    num_workers: int = 1,
+    json: Json = False,
+) -> int:
+    """Evaluate a tactile agent with one term of the randomisation at a time off, and twice as wide.
+
+    All conditions play the same episodes in Bullet. Given again, a killed command goes on with the next condition.
+
+    Args:
+        agent: The agent's directory.
+        out: The file to write or to go on with; the figure reads results/episodes/<agent>/sensitivity.csv.
+        only: Conditions such as "joint offset x 0"; all by default.
+        objects: Object sets, names or ids, separated by commas.
+        goals_per_case: How many of the 24 goals each object is given.
+        seed: Of the evaluation, as in evaluate.
+        num_workers: Processes that simulate.
+        json: No table, the JSON object alone.
+    """
+    from object_sets.storage import check_file_writable
+    from reproduce.sensitivity import measure_to
+
+    def report(condition: str, done: int, total: int) -> None:
+        say(f"{condition}: {done} of {total} episodes")
+
+    check_file_writable(out, "--out")
+    names = [name.strip() for name in only.split(",") if name.strip()]
+    count = measure_to(
+        agent, out, only=names, objects=objects, goals_per_case=goals_per_case, seed=seed, num_workers=num_workers,
+        progress=report,
+    )  # fmt: skip
+    tell({"episodes": count, "out": str(out)}, json)
+    return 0
+
+
 def film(
     agent: Annotated[Path, arg(metavar="DIR")],
     out: Annotated[Path, arg(metavar="FILE")],
@@ -275,9 +337,12 @@ def film(
         size: Edge of a panel in pixels, a multiple of 16.
     """
     from object_sets.storage import check_file_writable
-    from tactile_kit.view.film import film as write_film
+    from reproduce.files import require_agent
 
     check_file_writable(out, "--out")
+    say(f"film: loads {require_agent(agent)}, prepares {objects}")
+    from tactile_kit.view.film import film as write_film
+
     clips = write_film(agent, out, objects=objects, episodes=episodes, columns=columns, seed=seed, size=size)
     for clip in clips:
         print(f"{clip.held.name}: {clip.verdict()}")
@@ -285,7 +350,6 @@ def film(
     return 0
 
 
-@app.command
 def view(
     agent: Annotated[Path, arg(metavar="DIR")],
     objects: Annotated[str, arg(metavar="NAME")] = "l_shape",
@@ -326,21 +390,52 @@ def view(
     return 0
 
 
+def status(
+    scale: Scale = "small",
+    source: Source = "pretrained",
+    out: DirectoryOrNone = None,
+    agents: DirectoryOrNone = None,
+    json: Json = False,
+) -> int:
+    """Show the runs of a scale: how far each is, its curve, its hours; what which table lacks, and how long that takes.
+
+    Args:
+        scale: As in run.
+        source: As in run.
+        out: As in run.
+        agents: As in run.
+        json: The same as one JSON object.
+    """
+    from reproduce.status import standing, text
+
+    found = standing(_plan(scale, source, out, agents))
+    print(dumps(found) if json else text(found))
+    return 0
+
+
+COMMANDS = (
+    run, stage, status, train, evaluate, film, view, train_estimator, measure_estimator,
+    measure_sensitivity, evaluate_planner,
+)  # fmt: skip
+
+
 def main(args: list[str] | None = None) -> int:
     """Entry point; returns the exit status. Errors of the project end with one line, not with a traceback."""
-    try:
-        return (
-            app.cli(
-                args=args,
-                prog="reproduce",
-                description=__doc__.splitlines()[0],
-                config=(tyro.conf.FlagCreatePairsOff,),
-            )
-            or 0
-        )
-    except ValueError as error:
-        print(f"reproduce: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("reproduce: interrupted", file=sys.stderr)
-        return 130
+    return status_of(lambda: _run(sys.argv[1:] if args is None else args))
+
+
+def _run(args: list[str]) -> int:
+    # tyro would answer `reproduce trian --help` with the help of `reproduce`
+    names = [command.__name__.replace("_", "-") for command in COMMANDS]
+    if args and not args[0].startswith("-") and args[0] not in names:
+        from tactile_kit.errors import nearest
+
+        raise ReproduceError(f"sub-command {args[0]!r} unknown{nearest(args[0], names)}")
+    description = (__doc__ or "").splitlines()[0]
+    app = SubcommandApp()
+    for command in COMMANDS:
+        app.command(command)
+    return (
+        app.cli(args=args, prog="reproduce", description=description, config=(tyro.conf.FlagCreatePairsOff,))
+        or 0
+    )

@@ -1,4 +1,4 @@
-"""Errors of the pipeline. All are ``ValueError``; the message names the file, the value and what is allowed."""
+"""Errors of the pipeline. Mistakes are ``ValueError``; the message names the file, the value and what is allowed."""
 
 from __future__ import annotations
 
@@ -13,3 +13,7 @@ class ScaleError(ReproduceError):
 
 class BusyError(ReproduceError):
     """Another run is at work in the same output directory."""
+
+
+class Stopped(RuntimeError):
+    """Training was asked to stop; a checkpoint is there. No error of anyone's, so no ``ReproduceError``."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from reproduce.cells import paper_values
-from reproduce.errors import ReproduceError
+from reproduce.files import require_agent
 from tactile_kit.evaluation.estimates import SECONDS
 from tactile_kit.runs.config import RunConfig
 
@@ -26,8 +26,7 @@ def settings_of(agent: Path, steps: int, cell: str, loss: str, closed_loop: bool
 
     Raises ``ReproduceError`` where there is no agent.
     """
-    if not (agent / "agent.json").is_file():
-        raise ReproduceError(f"{agent}: no agent there (agent.json is missing)")
+    require_agent(agent)
     from tactile_kit.agents.manifest import read_manifest
 
     task = read_manifest(agent).task

@@ -10,7 +10,9 @@ from typing import Any
 from reproduce.errors import ReproduceError
 from tactile_kit.files import write_atomically
 
-ROOT = Path(__file__).resolve().parent.parent  # the repository: where results/ and the shipped agents are
+CODE = Path(__file__).resolve().parent.parent  # what the packages are in: a checkout, or site-packages
+# Where results/ and its agents are: the checkout, or where the command is given if that is not where the packages are.
+ROOT = CODE if (CODE / "setup.cfg").is_file() else Path.cwd()
 
 
 def write_atomic(path: str | os.PathLike, content: str | bytes) -> Path:
@@ -55,6 +57,13 @@ def read_json(path: str | os.PathLike) -> Any:
         raise ReproduceError(f"{path}: no such file") from None
     except json.JSONDecodeError as error:
         raise ReproduceError(f"{path}: not valid JSON: {error}") from None
+
+
+def require_agent(directory: Path) -> Path:
+    """The directory, where it holds an agent; else ``ReproduceError``. Looks no further: loading takes seconds."""
+    if not (directory / "agent.json").is_file():
+        raise ReproduceError(f"{directory}: no agent there (agent.json is missing)")
+    return directory
 
 
 def shown(path: str | os.PathLike) -> str:

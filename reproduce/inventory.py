@@ -6,12 +6,13 @@ from typing import Any
 
 from reproduce.plan import Plan
 
-# Found, not made by the pipeline: episodes of the same agent in another simulator, and the planner's.
-TRANSFER, PLANNER = "transfer", "planner"
+TRANSFER = "mujoco"  # the evaluation in another simulator
+PLANNER = "planner"  # its episodes are found, not made by the pipeline
 KALMAN = "kalman"  # the evaluation in which a filter stands in for the agent's own estimator
 
 ORACLE, TACTILE = "oracle-vec_bps-geometric8", "tactile-vec_bps-geometric8"
 FINGERS = "tactile-vec_bps_fingers-geometric8"
+TRANSFERRED = (ORACLE, FINGERS, TACTILE)  # taken to the other simulator
 BENCHMARK = (ORACLE, "oracle-pos-geometric8", TACTILE, "tactile-pos-geometric8")
 ABLATED = {  # Table II's rows
     "no_sigma": "tactile-vec_bps_nosigma-geometric8",
@@ -25,6 +26,7 @@ _NOMINAL = {
     "table2": [(role, "nominal") for role in (TACTILE, *ABLATED.values())],
     "violin": [(role, "nominal") for role in (ORACLE, TACTILE)],
     "success": [(TACTILE, "nominal"), (TACTILE, TRANSFER)],
+    "transfer": [(role, world) for role in TRANSFERRED for world in ("nominal", TRANSFER)],
     "complex": [(role, "complex") for role in (ORACLE, TACTILE)],
     "extent": [(TACTILE, "extent-true"), (TACTILE, "extent-fixed")],
     "confusion": [(TACTILE, "confusion")],
@@ -51,11 +53,7 @@ def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
     episodes: dict[str, str | None] = {}
     for evaluation in plan.evaluations:
         if (evaluation.run.role, evaluation.group.name) in pairs:
-            episodes[evaluation.name] = str(evaluation.file) if plan.available(evaluation.run) else None
-    for run in plan.runs:
-        file = plan.out / "episodes" / run.name / f"{TRANSFER}.csv"
-        if (run.role, TRANSFER) in pairs and file.is_file():
-            episodes[f"{run.name}/{TRANSFER}"] = str(file)
+            episodes[evaluation.name] = str(evaluation.file) if plan.possible(evaluation) else None
     planned = plan.out / "episodes" / PLANNER / "nominal.csv"
     cost = {}
     if (PLANNER, "nominal") in pairs and planned.is_file():
@@ -92,5 +90,4 @@ def found(content: dict[str, Any]) -> list[str]:
 
 def is_made(episodes: str) -> bool:
     """Whether the pipeline makes the episode file ``RUN/EVALUATION``."""
-    run, evaluation = episodes.split("/")
-    return run != PLANNER and evaluation != TRANSFER
+    return not episodes.startswith(f"{PLANNER}/")

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from reproduce import heartbeat, owner
 from reproduce.errors import ReproduceError
-from reproduce.files import ROOT, shown
+from reproduce.files import CODE, shown
 from reproduce.plan import Plan
 from reproduce.prepare import describe, prepare
 from reproduce.progress import Progress
@@ -23,7 +23,7 @@ from tactile_kit.progress import duration
 
 _STAGE = re.compile(r"-m reproduce stage (\S+)(?: (\S+))? --pipeline")
 _SECONDS = {"objects": 2.0, "grasps": 60.0}  # rough cost of jobs, for the time left only
-_EPISODE, _STEP, _ARTEFACT = 0.15, 0.004, 3.0
+_EPISODE, _STEP, _ARTEFACT = 0.15, 0.0003, 3.0
 
 
 def run(plan: Plan, jobs: int, profile: str | None = None, quiet: bool = False) -> int:
@@ -60,7 +60,7 @@ def run(plan: Plan, jobs: int, profile: str | None = None, quiet: bool = False) 
 def _command(plan: Plan, config: Path, jobs: int, profile: str | None) -> list[str]:
     command = [
         sys.executable, "-m", "snakemake",
-        "--snakefile", str(ROOT / "reproduce" / "Snakefile"),
+        "--snakefile", str(CODE / "reproduce" / "Snakefile"),
         "--directory", str(plan.pipeline),
         "--configfile", str(config),
         "--rerun-incomplete",  # what a killed job was writing is made again
@@ -75,7 +75,7 @@ def _command(plan: Plan, config: Path, jobs: int, profile: str | None) -> list[s
 
 def _environment(local: bool) -> dict[str, str]:
     environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+        "PYTHONPATH": os.pathsep.join(filter(None, [str(CODE), os.environ.get("PYTHONPATH")]))
     }
     # One thread a process: jobs run side by side, and results must not depend on the number of cores.
     environment |= {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1", "NO_COLOR": "1"}

@@ -12,8 +12,9 @@ from reproduce.errors import ScaleError
 from reproduce.files import ROOT
 from reproduce.scales import EvaluationGroup, RunGroup, Scale, split_variant
 from tactile_kit.errors import nearest
+from tactile_kit.simulation.engines import engine_of
 
-FIGURES = ("object_sets", "learning", "violin", "success", "complex", "extent", "confusion")
+FIGURES = ("object_sets", "learning", "violin", "success", "transfer", "complex", "extent", "confusion")
 TABLES = ("table1", "table2")
 ARTEFACTS = (*TABLES, *FIGURES, "claims", "report")
 
@@ -76,6 +77,10 @@ class Plan:
     def available(self, run: Run) -> bool:
         """Whether the run's agent is there or will be made."""
         return self.trains or self.manifest(run).is_file()
+
+    def possible(self, evaluation: Evaluation) -> bool:
+        """Whether an evaluation can be made: its agent is available, and its world installed."""
+        return self.available(evaluation.run) and engine_of(evaluation.group.world).installed
 
     def has_curve(self, run: Run) -> bool:
         return self.trains or (run.directory / "metrics.jsonl").is_file()

@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from reproduce.files import ROOT, dump_yaml, read_json, shown, write_if_changed
+from reproduce.files import CODE, dump_yaml, read_json, shown, write_if_changed
 from reproduce.inventory import NEEDS, found, inventory, is_made
 from reproduce.plan import ARTEFACTS, Evaluation, Plan
 from reproduce.settings import evaluation_grasps, evaluation_settings, run_settings, training_grasps
@@ -27,7 +27,7 @@ def weight(evaluation: Evaluation) -> int:
 def prepare(plan: Plan) -> Path:
     """Writes the job files below ``<out>/.pipeline`` (only those that changed); returns the workflow's config file."""
     jobs = plan.pipeline / "jobs"
-    evaluations = [evaluation for evaluation in plan.evaluations if plan.available(evaluation.run)]
+    evaluations = [evaluation for evaluation in plan.evaluations if plan.possible(evaluation)]
     grasps: dict[str, Any] = {}
     train: dict[str, Any] = {}
     evaluate: dict[str, Any] = {}
@@ -78,7 +78,7 @@ def prepare(plan: Plan) -> Path:
     content = {
         "out": str(plan.out),
         "pipeline": str(plan.pipeline),
-        "source": str(ROOT / "reproduce"),
+        "source": str(CODE / "reproduce"),
         "num_workers": plan.scale.num_workers,
         "grasps": sorted(grasps),
         "train": train,
@@ -108,6 +108,6 @@ def describe(plan: Plan) -> str:
     """One line for the terminal."""
     there = sum(plan.available(run) for run in plan.runs)
     agents = f"{len(plan.runs)} runs to train" if plan.trains else f"{there} of {len(plan.runs)} agents there"
-    episodes = sum(weight(e) for e in plan.evaluations if plan.available(e.run))
+    episodes = sum(weight(e) for e in plan.evaluations if plan.possible(e))
     where = f"scale {plan.scale.name} from {plan.source}"
     return f"{where}: {agents}, {episodes} evaluation episodes, into {shown(plan.out)}"

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from reproduce.cells import MEASURED, Cell
-from reproduce.files import ROOT, read_json
+from reproduce.files import read_json
 from reproduce.results import Results, steps_of
 
 CLOSE = 0.05  # a rate this far below the paper's still counts as reached, as in the claims
@@ -81,8 +81,11 @@ def _holds(cell: Cell) -> bool:
 
 
 def differences() -> list[dict[str, Any]]:
-    """docs/differences.md as plain data: title, rows of its table (paper, here, why), points beside it."""
-    text = (ROOT / "docs" / "differences.md").read_text(encoding="utf-8")
+    """docs/differences.md as plain data: title, rows of its table (paper, here, why), points beside it.
+
+    The package holds the page through a link, so that an installed one has it too.
+    """
+    text = (Path(__file__).parent / "paper_values" / "differences.md").read_text(encoding="utf-8")
     sections = []
     for part in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
         title, _, body = part.partition("\n")

@@ -17,6 +17,7 @@ from reproduce.errors import ScaleError
 from reproduce.files import read_yaml
 from tactile_kit.errors import nearest
 from tactile_kit.settings import Settings, explain
+from tactile_kit.simulation.engines import WORLDS
 
 FOLDER = Path(__file__).parent / "scales"
 
@@ -49,6 +50,12 @@ def _set(name: str) -> str:
     return name
 
 
+def _world(name: str) -> str:
+    if name not in WORLDS:
+        raise ValueError(f"unknown{nearest(name, WORLDS)}")
+    return name
+
+
 Variant = Annotated[str, AfterValidator(_variant)]
 SetName = Annotated[str, AfterValidator(_set)]
 
@@ -78,7 +85,7 @@ class RunGroup(Settings):
 class EvaluationGroup(Settings):
     """One evaluation of several runs, at the sizes of this scale."""
 
-    name: Literal["nominal", "complex", "extent-true", "extent-fixed", "confusion", "kalman"]
+    name: Literal["nominal", "complex", "extent-true", "extent-fixed", "confusion", "kalman", "mujoco"]
     runs: tuple[str, ...] = Field(min_length=1, description="Run names without the seed.")
     seeds: tuple[NonNegativeInt, ...] | None = Field(
         None, description="Which of their seeds; all by default."
@@ -90,6 +97,9 @@ class EvaluationGroup(Settings):
     )
     given: Literal["true", "nominal", "each"] = Field("true", description="The mesh the agent is told of.")
     estimator: Literal["own", "kalman"] = Field("own", description="What tells the agent of the pose.")
+    world: Annotated[str, AfterValidator(_world)] = Field(
+        "bullet", description="The physics it is played in."
+    )
     episodes_per_goal: PositiveInt = 1
     goals_per_case: int = Field(
         24, ge=1, le=24, description="Goals of the 24 drawn for each object, size and mesh."

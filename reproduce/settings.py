@@ -50,6 +50,7 @@ def evaluation_settings(plan: Plan, evaluation: Evaluation) -> dict[str, Any]:
         "sizes": group.sizes,
         "given": group.given,
         "estimator": group.estimator,
+        "world": group.world,
         "episodes_per_goal": group.episodes_per_goal,
         "goals_per_case": group.goals_per_case,
         "seed": plan.scale.seed,
@@ -68,7 +69,12 @@ def evaluation_grasps(
     group = evaluation.group
     try:
         task = evaluation_task(
-            TaskConfig(**trained), group.objects, plan.scale.seed, group.scaling, group.sizes
+            TaskConfig(**trained),
+            group.objects,
+            plan.scale.seed,
+            group.scaling,
+            group.sizes,
+            world=group.world,
         )
     except ValueError as error:
         raise ScaleError(f"{evaluation.name}: {error}") from None

@@ -5,13 +5,17 @@ from __future__ import annotations
 from object_sets.errors import nearest
 
 __all__ = [
-    "AgentError", "CheckpointError", "ConfigError", "EpisodeFileError", "EstimatorError", "EvaluationError",
-    "LockedError", "RunError", "ViewError", "nearest",
+    "AgentError", "CheckpointError", "ConfigError", "EngineError", "EpisodeFileError", "EstimatorError",
+    "EvaluationError", "LockedError", "RunError", "ViewError", "nearest",
 ]  # fmt: skip
 
 
 class AgentError(ValueError):
     """An agent directory cannot be used."""
+
+
+class EngineError(ValueError):
+    """A physics engine that is unknown, not installed, or can't do what is asked of it."""
 
 
 class EstimatorError(ValueError):

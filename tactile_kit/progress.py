@@ -6,12 +6,15 @@ import sys
 import time
 from typing import Any
 
+WIDE = 130  # columns of a terminal that hold bar, numbers and what follows them
+
 
 class Counter:
     """Shows ``done`` of ``total``, how fast it goes and how long it will take, on stderr.
 
     Args:
-        total: of them at the end; start: done before; unit: what they are called; label: of what this is a part.
+        total: of them at the end (more may be done: then those are all); start: done before.
+        unit: what they are called; label: of what this is a part.
         quiet: show nothing; patience: s before the first plain line, so that what is short stays silent.
     """
 
@@ -35,17 +38,25 @@ class Counter:
             from rich.progress import BarColumn, TextColumn
             from rich.progress import Progress as Bar
 
-            columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[text]}"))
-            self._bar = Bar(*columns, console=Console(stderr=True))
+            console = Console(stderr=True)
+            self._narrow = console.width < WIDE
+            bar = BarColumn(16 if self._narrow else 40)
+            columns = (TextColumn("{task.description}"), bar, TextColumn("{task.fields[text]}"))
+            self._bar = Bar(*columns, console=console)
             self._task = self._bar.add_task(label, total=total, completed=start, text="")
             self._bar.start()
+
+    def begin(self) -> None:
+        """Reckon the speed from now on: what came before was preparation."""
+        self._shown += time.monotonic() - self._begin
+        self._begin = time.monotonic()
 
     def show(self, done: int, more: str | None = "") -> None:
         """Show ``done``, followed by ``more``; None moves the bar alone and leaves the text as it was."""
         if self.quiet:
             return
         if self._bar is not None:
-            text = {} if more is None else {"text": self._text(done) + more}
+            text = {} if more is None else {"text": self._text(done) + self._placed(more)}
             self._bar.update(self._task, completed=done, **text)
             return
         now = time.monotonic()
@@ -63,22 +74,26 @@ class Counter:
         else:
             print(f"{self.label}: {text}", file=sys.stderr, flush=True)
 
+    def _placed(self, more: str) -> str:
+        """On a narrow terminal it has a line of its own: the bar is to be seen too."""
+        return "\n" + more.removeprefix(", ") if self._narrow and more else more
+
     def close(self) -> None:
         """Take the bar away."""
         if self._bar is not None:
             self._bar.stop()
 
     def _text(self, now: int) -> str:
-        done = now - self.start
+        done, total = now - self.start, max(self.total, now)
         seconds = time.monotonic() - self._begin
-        left = duration(seconds / done * (self.total - now)) if done else "?"
+        left = duration(seconds / done * (total - now)) if done else "?"
         rate = done / seconds if seconds else 0.0
         speed = f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}"
-        return f"{now:,}/{self.total:,} {self.unit}, {speed}/s, {left} left"
+        return f"{now:,}/{total:,} {self.unit}, {speed}/s, {left} left"
 
 
 def duration(seconds: float) -> str:
     """95 -> '1:35', 4000 -> '1:06:40'."""
-    minutes, seconds = divmod(round(seconds), 60)
+    minutes, seconds = divmod(int(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes}:{seconds:02d}"

@@ -5,10 +5,10 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+import randomization
 from reproduce.cells import MEASURED, Cell, paper_values, rate_cell, write_cells
 from reproduce.inventory import TACTILE
 from reproduce.results import Results
@@ -21,6 +21,9 @@ LINES = (
     ("extent-fixed", "fixed median mesh", "#d95f0e", "^"),
 )
 FIT = 256  # samples a line must have, over the whole range, before a polynomial of degree 4 says anything
+WIDTH = 0.002  # m, standard deviation of the smoother's weights
+NEIGHBOURS = 4  # samples that a local mean must rest on
+REPLICATES = 400  # of the bootstrap behind the band
 BINS = 6  # of the furthest extent, for the table beside the figure
 
 
@@ -51,27 +54,17 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
             x = np.linspace(extents.min(), extents.max(), 200)
             axes.plot(100 * x, np.clip(fit(x), 0, 1), color=colour, linewidth=1.8, label=name)
             continue
-        # Points only would leave the eye to guess: means of the bins that hold samples, with their intervals.
-        places = [
-            np.mean([float(edge) for edge in cell.row.removesuffix(" cm").split(" to ")]) for cell in measured
-        ]
-        means = np.array([cell.ours for cell in measured])
-        reach = np.abs(np.array([[cell.low, cell.high] for cell in measured]).T - means)
-        shift = 0.04 if marker == "o" else -0.04
-        style: dict[str, Any] = {
-            "color": colour,
-            "marker": marker,
-            "markersize": 7,
-            "linestyle": "none",
-            "capsize": 3,
-        }
-        axes.errorbar(np.array(places) + shift, means, yerr=reach, label=name, **style)
+        # Points only would leave the eye to guess: a local mean, with its band, where there are samples to take it of.
+        for x, mean, low, high in smooth(extents, rates, results.seed):
+            axes.fill_between(100 * x, low, high, color=colour, alpha=0.18, linewidth=0)
+            axes.plot(100 * x, mean, color=colour, linewidth=1.6)
+        axes.plot([], [], color=colour, marker=marker, label=name)
     if not episodes:
         say_missing(axes, "missing: the tactile agent was not evaluated")
     lines = (
         "Lines: polynomials of degree 4."
         if fitted
-        else f"Large marks: bins with their 95 % intervals; no fit below {FIT} samples in all bins."
+        else f"Lines: local means with 95 % bands; no polynomial below {FIT} samples in all bins."
     )
     axes.axvline(100 * values["median"], color=GREY, linewidth=0.8, linestyle=":")
     axes.set_xlabel("extent furthest from the median (cm)")
@@ -79,8 +72,8 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     axes.set_xlim(100 * values["range"][0] - 0.1, 100 * values["range"][1] + 0.1)
     axes.set_ylim(-0.02, 1.02)
     made.legend(loc="outside upper center", ncols=1, fontsize=8)
-    low, high = (min(episodes), max(episodes)) if episodes else (0, 0)
-    span = f"{low}" if low == high else f"{low} to {high}"
+    least, most = (min(episodes), max(episodes)) if episodes else (0, 0)
+    span = f"{least}" if least == most else f"{least} to {most}"
     trained = steps_text(results.steps_trained(results.run_names(TACTILE)))
     footnote(
         made,
@@ -106,6 +99,29 @@ def polynomial(extents: np.ndarray, rates: np.ndarray, degree: int) -> np.polyno
     if len(np.unique(extents)) <= degree + 1:
         return None
     return np.polynomial.Polynomial.fit(extents, rates, degree)
+
+
+Piece = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+
+
+def smooth(extents: np.ndarray, rates: np.ndarray, seed: int) -> list[Piece]:
+    """Local means of ``rates`` by Gaussian weights, with 95 % bands of a bootstrap over samples.
+
+    Returns (extents m, means, lower, upper) of each stretch in which the weights (1 where a sample is) add up to
+    ``NEIGHBOURS`` or more; gaps between the stretches are left open.
+    """
+    x = np.linspace(extents.min(), extents.max(), 161)
+    weights = np.exp(-0.5 * ((x[:, None] - extents) / WIDTH) ** 2)
+    resting = weights.sum(axis=1) >= NEIGHBOURS
+    drawn = randomization.stream(seed, "bootstrap", "extent").integers(
+        len(rates), size=(REPLICATES, len(rates))
+    )
+    counts = np.stack([np.bincount(chosen, minlength=len(rates)) for chosen in drawn])
+    means = (weights @ (counts * rates).T) / np.maximum(weights @ counts.T, 1e-300)
+    low, high = np.quantile(means, (0.025, 0.975), axis=1)
+    mean = weights @ rates / np.maximum(weights.sum(axis=1), 1e-300)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], resting.astype(int), [0]])))
+    return [(x[a:b], mean[a:b], low[a:b], high[a:b]) for a, b in edges.reshape(-1, 2)]
 
 
 def bin_cells(

@@ -1,7 +1,7 @@
 """Fig. 7 of the paper: success per object of the tactile agent.
 
 The paper stands real-robot bars beside the simulation's. There is no robot here; in their place stand the same agent's
-rates in another simulator (sim-to-sim transfer), under that name, once such episodes exist.
+rates in another simulator, under that name.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from reproduce.style import PAPER, figure, footnote, save, steps_text
 from reproduce.style import TACTILE as ORANGE
 
 TRANSFER_COLOUR = "#6b4fa0"
-SIMULATION, TRANSFERRED = "Tactile VecBPS, simulation", "sim-to-sim transfer (other simulator)"
+SIMULATION, ANOTHER = "Tactile VecBPS, simulation", "the same in another simulator (MuJoCo)"
 
 
 def make(results: Results, outputs: Sequence[Path]) -> None:
@@ -27,13 +27,13 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     means = {i: group["value"] for group in paper_values("success")["class_means"] for i in group["ids"]}
     cells: list[Cell] = []
     made, (axes,) = figure(10.5, 3.7)
-    columns = (("nominal", SIMULATION, ORANGE, -0.2), (TRANSFER, TRANSFERRED, TRANSFER_COLOUR, 0.2))
+    columns = (("nominal", SIMULATION, ORANGE, -0.2), (TRANSFER, ANOTHER, TRANSFER_COLOUR, 0.2))
     for evaluation, label, colour, shift in columns:
         rows, runs = results.rows(TACTILE, evaluation), results.evaluated(TACTILE, evaluation)
         steps = results.steps_trained(runs)
         said = f"{label}, {steps_text(steps)}" if rows else f"{label}: missing"
         axes.bar([0], [0], color=colour, label=said)
-        why = "no transfer run" if evaluation == TRANSFER else "run not there"
+        why = "not evaluated there" if evaluation == TRANSFER else "run not there"
         for item in objects:
             mine = [row for row in rows or () if row.object_id == item.id]
             # The paper prints no number an object; its class means (Table I) stand for simulation only.

@@ -10,6 +10,7 @@ import randomization
 from reproduce.cells import paper_values, percent
 from reproduce.claims.verdict import (
     CLEAR,
+    MANY,
     NOT_REPRODUCED,
     REPRODUCED,
     Count,
@@ -17,6 +18,7 @@ from reproduce.claims.verdict import (
     Test,
     Verdict,
     count,
+    further,
     minus,
     must_be_trained_alike,
     must_have_learned,
@@ -30,7 +32,6 @@ from tactile_kit.evaluation.rows import EpisodeRow
 from tactile_kit.evaluation.summary import group, relative_change
 
 EXCELLENT = 0.95  # the paper's oracles: 0.99 on round objects
-MANY = 0.10  # "over 10 % better"; who loses more than this does not hold up
 WIDE = 0.15  # an interval whose half is wider than this can't tell effects of a few per cent
 
 
@@ -107,7 +108,7 @@ def shape_matters_more_with_estimator(results: Results) -> Verdict:
 
 
 def generalises(results: Results) -> Verdict:
-    """11: the interval of training objects less OOD objects lies within 10 points either way."""
+    """11: training objects less OOD objects within 5 points either way, the interval within 10."""
     rows = needed(results, TACTILE, "nominal")
     seen = count([row for row in rows if row.object_id <= 7], "objects 0-7")
     novel = count([row for row in rows if 8 <= row.object_id <= 12], "objects 8-12")
@@ -117,12 +118,14 @@ def generalises(results: Results) -> Verdict:
     n = seen.episodes + novel.episodes
     if gap[2] - gap[1] > 2 * WIDE:
         raise NotMeasured(f"too few episodes to tell; {figures}", n)
-    within = gap[1] > -2 * CLEAR and gap[2] < 2 * CLEAR
-    return Verdict(REPRODUCED if within or gap[1] <= 0 <= gap[2] else NOT_REPRODUCED, figures, n)
+    within = abs(gap[0]) <= CLEAR and gap[1] > -2 * CLEAR and gap[2] < 2 * CLEAR
+    if not within and gap[1] <= 0 <= gap[2]:
+        raise NotMeasured(f"too few episodes to tell; {figures}", n)
+    return Verdict(REPRODUCED if within else NOT_REPRODUCED, figures, n)
 
 
 def complex_objects_split_agents(results: Results) -> Verdict:
-    """12: on objects 13-15 the oracle loses 10 points at most against objects 0-12, the tactile agent clearly more."""
+    """12: on objects 13-15 the oracle loses 5 points at most against objects 0-12, the tactile agent clearly more."""
     counts = {
         (name, place): count(needed(results, role, place), f"{name}, {place}")
         for name, role in (("oracle", ORACLE), ("tactile", TACTILE))
@@ -132,13 +135,18 @@ def complex_objects_split_agents(results: Results) -> Verdict:
     must_have_learned({"tactile": counts["tactile", "nominal"]})
     loss = {name: minus(counts[name, "complex"], counts[name, "nominal"]) for name in ("oracle", "tactile")}
     behind = minus(counts["tactile", "complex"], counts["oracle", "complex"])
-    keeps = loss["oracle"][0] >= -MANY
-    holds = keeps and loss["tactile"][2] < 0 and loss["tactile"][0] < loss["oracle"][0] and behind[2] < 0
+    more = further(loss["tactile"], loss["oracle"])
+    falls = loss["tactile"][0] <= -MANY and more[0] <= -CLEAR and behind[2] < 0
     figures = (
         f"objects 13-15 less objects 0-12: oracle {signed(*loss['oracle'])}, tactile {signed(*loss['tactile'])};"
-        f" tactile less oracle on 13-15 {signed(*behind)}"
+        f" the one less the other {signed(*more)}; tactile less oracle on 13-15 {signed(*behind)}"
     )
-    return Verdict(REPRODUCED if holds else NOT_REPRODUCED, figures, sum(c.episodes for c in counts.values()))
+    n = sum(c.episodes for c in counts.values())
+    if loss["oracle"][0] < -CLEAR or not falls:
+        return Verdict(NOT_REPRODUCED, figures, n)
+    if loss["tactile"][2] >= 0 or more[2] >= 0:
+        raise NotMeasured(f"too few episodes to tell; {figures}", n)
+    return Verdict(REPRODUCED, figures, n)
 
 
 def small_ablations(results: Results) -> Verdict:

@@ -1,6 +1,8 @@
 """What a claim's test says, and the rules all tests share.
 
-* A comparison counts only where its 95 % interval excludes the other answer.
+* A comparison counts only where its 95 % interval excludes the other answer, and where the effect is as large as the
+  claim's words: "clearly" is ``CLEAR``, "quickly" and "by 10 %" are ``MANY``.
+* An effect that is large enough, of which the interval does not exclude the other answer, is not measured.
 * A comparison of learning curves needs two seeds a line or more: one seed says nothing about the next.
 * A comparison of agents of which the stronger one hardly ever succeeds says nothing: it is not measured.
 * Nor does a comparison of agents of which one was trained much longer than the other.
@@ -8,6 +10,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -22,6 +25,7 @@ LEARNED = (
     0.10  # a rate whose lower bound lies below this is too near to chance (0.3 %) and luck to compare with
 )
 CLEAR = 0.05  # differences of success rates smaller than this are "no clear difference" in the paper's sense
+MANY = 0.10  # "over 10 % better", "falls quickly"
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,16 @@ def minus(first: Count, second: Count) -> tuple[float, float, float]:
     """(difference of rates, low, high), Newcombe's 95 % interval."""
     low, high = difference(first.successes, first.episodes, second.successes, second.episodes)
     return first.rate - second.rate, low, high
+
+
+def further(
+    first: tuple[float, float, float], second: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """(difference of two independent differences, low, high); each is (value, low, high) itself."""
+    value = first[0] - second[0]
+    low = value - math.hypot(first[0] - first[1], second[2] - second[0])
+    high = value + math.hypot(first[2] - first[0], second[0] - second[1])
+    return value, low, high
 
 
 def signed(value: float, low: float, high: float) -> str:

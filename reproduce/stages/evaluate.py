@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from reproduce.errors import ReproduceError
-from reproduce.files import read_yaml, write_atomic
+from reproduce.files import read_yaml, require_agent, write_atomic
 from reproduce.heartbeat import Heartbeat
 
 if TYPE_CHECKING:
@@ -33,8 +32,7 @@ def evaluate_to(agent: Path, out: Path, **settings: Any) -> dict[str, Any]:
         ReproduceError: there is no agent.
         ObjectSetError: ``out`` or the cache can't be written, found before any work.
     """
-    if not (agent / "agent.json").is_file():
-        raise ReproduceError(f"{agent}: no agent there (agent.json is missing)")
+    require_agent(agent)
     from object_sets.storage import cache_directory, check_file_writable, check_writable
 
     check_file_writable(out, "--out")

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from reproduce.errors import ReproduceError, Stopped
 from reproduce.files import read_yaml, write_atomic
 from reproduce.heartbeat import Heartbeat
 
@@ -31,13 +32,6 @@ def run(pipeline: Path, item: str, beat: Heartbeat) -> None:
         beat(done, total)
         marker[entry["run"]] = hashlib.sha256((directory / "agent.json").read_bytes()).hexdigest()
     write_atomic(pipeline / "trained" / f"{item}.json", json.dumps(marker, indent=1) + "\n")
-
-
-def train_file(config: Path, directory: Path) -> None:
-    """Trains as the YAML file ``config`` says; a stopped run of the same settings goes on. Errors name the file."""
-    from tactile_kit.runs import RunConfig
-
-    train_config(RunConfig.from_yaml(config), directory)
 
 
 def _train(settings: dict[str, Any], directory: Path, report: Callable[[int], None]) -> None:
@@ -70,10 +64,6 @@ def train_config(config: Any, directory: Path) -> None:
         )
 
 
-class Stopped(RuntimeError):
-    """Training was asked to stop; a checkpoint is there."""
-
-
 def _move_aside(directory: Path) -> Path:
     for number in range(1, 10_000):
         aside = directory.parent / ".replaced" / f"{directory.name}-{number}"
@@ -81,7 +71,7 @@ def _move_aside(directory: Path) -> Path:
             aside.parent.mkdir(exist_ok=True)
             os.replace(directory, aside)
             return aside
-    raise Stopped(f"{directory.parent / '.replaced'}: 10,000 old runs; remove some")
+    raise ReproduceError(f"{directory.parent / '.replaced'}: 10,000 old runs; remove some")
 
 
 @contextmanager

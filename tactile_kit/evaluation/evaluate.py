@@ -12,7 +12,7 @@ from tactile_kit.errors import EvaluationError
 from tactile_kit.evaluation.cases import GOALS
 from tactile_kit.evaluation.estimators import told
 from tactile_kit.evaluation.rows import EpisodeRow
-from tactile_kit.evaluation.schedule import HORIZON, STEPS_PER_SECOND, Schedule, schedule
+from tactile_kit.evaluation.schedule import HORIZON, WORLD, Schedule, schedule
 
 NUM_ENVS = 16
 
@@ -29,7 +29,8 @@ def evaluate(
     sizes: int = 1,
     goals_per_case: int = GOALS,
     randomization: str = "default",
-    steps_per_second: int = STEPS_PER_SECOND,
+    world: str = WORLD,
+    steps_per_second: int | None = None,
     estimator: str = "own",
     num_envs: int = NUM_ENVS,
     num_workers: int = 1,
@@ -56,7 +57,10 @@ def evaluate(
         sizes: how many random sizes an object; 1 where scaling is nominal.
         goals_per_case: how many of the 24 goals each body and mesh is given.
         randomization: preset of domain randomisation.
-        steps_per_second: of the physics, a multiple of 60, whatever the agent was trained with.
+        world: the physics: ``bullet``, or ``mujoco`` (extra ``transfer``), with the same protocol: grasps found by the
+            same heuristic, randomisation, goals and seeds.
+        steps_per_second: of the physics, a multiple of 60, whatever the agent was trained with; the world's own by
+            default.
         estimator: what tells the agent of the pose: ``own``, as it was trained; ``kalman`` or ``rest``, which learn
             nothing (``tactile_kit.estimator``); or a tactile agent's directory, whose cell it then is.
         num_envs, num_workers: how the work, a search for grasps too, is spread over environments and processes.
@@ -78,8 +82,8 @@ def evaluate(
     agent = told(agent, estimator)
     plan = schedule(
         agent.task, objects, goals=goals, episodes_per_goal=episodes_per_goal, seed=seed, given=given, scaling=scaling,
-        sizes=sizes, goals_per_case=goals_per_case, randomization=randomization, steps_per_second=steps_per_second,
-        num_workers=num_workers, quiet=quiet,
+        sizes=sizes, goals_per_case=goals_per_case, randomization=randomization, world=world,
+        steps_per_second=steps_per_second, num_workers=num_workers, quiet=quiet,
     )  # fmt: skip
     envs = min(num_envs, len(plan.specs))
     results = _roll_out(agent, plan, envs, num_workers, seed, progress)
@@ -112,6 +116,8 @@ def _roll_out(
     )
     try:
         observations = env.reset()
+        if progress is not None:
+            progress(0, len(specs))
         # Environments that have run out of episodes play on; so this bounds the steps any evaluation can take.
         for _ in range((HORIZON + 1) * len(specs)):
             env.step_async(agent.act(observations))

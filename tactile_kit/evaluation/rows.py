@@ -26,7 +26,8 @@ class EpisodeRow:
     for another (paper, Figs. 8 and 9). ``size`` counts the prepared sizes of an object (0 where the size is nominal).
     ``goal`` is the index in ``rotations.octahedral()``, or -1 for a goal drawn on SO(3). ``theta`` is the angle to the
     goal at the end (of a dropped object: at the moment of the drop), ``theta_min`` the smallest on the way. Both are
-    None only where the simulation failed (``fault`` says how); such an episode counts as a failure.
+    None only where the simulation failed (``fault`` says how); such an episode counts as a failure. ``world`` is the
+    engine it was played in (``tactile_kit.simulation.engines``).
     """
 
     agent: str
@@ -53,6 +54,7 @@ class EpisodeRow:
     drop: bool
     fault: str
     steps: int
+    world: str = "bullet"
 
     @property
     def furthest_extent(self) -> float:
@@ -61,6 +63,7 @@ class EpisodeRow:
 
 
 COLUMNS: tuple[str, ...] = tuple(field.name for field in fields(EpisodeRow))
+_BEFORE = COLUMNS[:-1]  # of files written when Bullet was the only world
 
 _PI = math.pi + 1e-4  # float32 rounding of an angle of exactly pi
 
@@ -133,7 +136,13 @@ _COLUMNS: dict[str, _Column] = {
     "drop": _FLAG,
     "fault": _line(empty=True),
     "steps": _integer(0),
+    "world": _line(),
 }
+
+
+def allowed() -> dict[str, str]:
+    """What each column may hold, in words."""
+    return {name: _COLUMNS[name].allowed for name in COLUMNS}
 
 
 def _format(value: object) -> str:
@@ -146,11 +155,11 @@ def _format(value: object) -> str:
     return str(value)
 
 
-def _parse(cells: list[str], where: str) -> EpisodeRow:
-    if len(cells) != len(COLUMNS):
-        raise EpisodeFileError(f"{where}: {len(cells)} columns; allowed are exactly {len(COLUMNS)}")
+def _parse(cells: list[str], where: str, columns: tuple[str, ...] = COLUMNS) -> EpisodeRow:
+    if len(cells) != len(columns):
+        raise EpisodeFileError(f"{where}: {len(cells)} columns; allowed are exactly {len(columns)}")
     values: dict[str, Any] = {}
-    for name, text in zip(COLUMNS, cells, strict=True):
+    for name, text in zip(columns, cells, strict=True):
         column = _COLUMNS[name]
         try:
             values[name] = column.parse(text)
@@ -192,7 +201,7 @@ def write_rows(path: str | os.PathLike, rows: Iterable[EpisodeRow]) -> Path:
 
 
 def read_rows(path: str | os.PathLike) -> list[EpisodeRow]:
-    """The rows of an episode file, in order.
+    """The rows of an episode file, in order. A file without the column ``world`` holds episodes of Bullet.
 
     Raises ``EpisodeFileError`` naming file, line, column, value and what is allowed; an empty file is an error too.
     """
@@ -200,10 +209,12 @@ def read_rows(path: str | os.PathLike) -> list[EpisodeRow]:
     try:
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.reader(file)
-            header = next(reader, None)
-            if header != list(COLUMNS):
-                raise EpisodeFileError(f"{path}, line 1: {header}; allowed is the header {','.join(COLUMNS)}")
-            rows = [_parse(cells, f"{path}, line {reader.line_num}") for cells in reader]
+            header = tuple(next(reader, ()))
+            if header not in (COLUMNS, _BEFORE):
+                raise EpisodeFileError(
+                    f"{path}, line 1: {list(header) or None}; allowed is the header {','.join(COLUMNS)}"
+                )
+            rows = [_parse(cells, f"{path}, line {reader.line_num}", header) for cells in reader]
     except FileNotFoundError:
         raise EpisodeFileError(f"{path}: no such episode file") from None
     if not rows:

@@ -21,7 +21,7 @@ ARMATURE = 1.5e-3
 # What the tendon's pulleys add to the distal link, kg m². Not published either; without it the contact and the tendon
 # share a link of a few 1e-6 kg m², and Bullet's solver needs twice the iterations for the same result.
 TENDON_INERTIA = 3e-4
-_JOINT_NAMES = ("abduction", "flexion", "middle", "distal")
+JOINT_NAMES = ("abduction", "flexion", "middle", "distal")
 
 
 def _numbers(values) -> str:
@@ -59,7 +59,7 @@ def hand_urdf(fingers: Sequence[int] = range(kinematics.FINGERS)) -> str:
     for finger in fingers:
         parent = "palm"
         for index, (joint, link, origin) in enumerate(
-            zip(_JOINT_NAMES, links, kinematics.joint_origins(finger), strict=True)
+            zip(JOINT_NAMES, links, kinematics.joint_origins(finger), strict=True)
         ):
             name = f"f{finger + 1}_{joint}"
             element = ElementTree.SubElement(robot, "link", name=name)

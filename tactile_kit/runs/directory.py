@@ -20,8 +20,10 @@ _held: set[Path] = set()
 
 
 @contextmanager
-def locked(directory: Path) -> Iterator[None]:
+def locked(directory: Path) -> Iterator[str]:
     """Hold the directory for this process; raises LockedError when another one (or this one) already does.
+
+    Yields who held it last and was killed, empty where that one left by itself.
 
     The lock is the kernel's, so it goes with the process, however that ends; forked workers do not inherit it.
     """
@@ -39,10 +41,12 @@ def locked(directory: Path) -> Iterator[None]:
         _held.add(key)
         try:
             file.seek(0)
+            killed = file.read().strip()
+            file.seek(0)
             file.truncate()
             file.write(f"process {os.getpid()} on {platform.node()}")
             file.flush()
-            yield
+            yield killed
         finally:
             _held.discard(key)
             file.seek(0)

@@ -22,8 +22,10 @@ from tactile_kit.runs.directory import hardware, locked, revision, versions
 from tactile_kit.runs.metrics import MetricsFile, Tracker, read_metrics
 from tactile_kit.runs.progress import Progress
 from tactile_kit.runs.session import Run
+from tactile_kit.runs.starting import starting, whole_rollouts
 
 EnvFactory = Callable[[RunConfig], Any]
+FIRST = 60.0  # s of training until the first checkpoint, which ``checkpoint.minutes`` may only shorten
 
 
 def train(
@@ -53,7 +55,7 @@ def train(
     """
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
-    with locked(directory), _torch_left_alone():
+    with locked(directory) as killed, _torch_left_alone():
         settle(directory, "agent.json")
         saved, messages = checkpoints.newest(directory / "checkpoints")
         if saved is not None:
@@ -68,8 +70,8 @@ def train(
         )  # nothing should draw from it, but then it repeats
         write_atomically(directory / "config.yaml", config.to_yaml().encode())
         _write_record(directory, resumed=saved)
-        progress = Progress(config.steps, saved.step if saved else 0, directory.name, quiet)
-        for message in messages:
+        progress = Progress(whole_rollouts(config), saved.step if saved else 0, directory.name, quiet)
+        for message in [*messages, *starting(config, directory, saved, killed)]:
             progress.say(message)
         env = make_env(config) if make_env else default_env(config, quiet)
         if hasattr(env, "simulation"):
@@ -176,6 +178,7 @@ def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
     before = run.hours
     begin = time.monotonic()
     pause = 0.0  # seconds of evaluation
+    progress.begin()
     run.begin_episodes()
     learner._setup_learn(config.steps, run.tracker, reset_num_timesteps=False)
     last_save, last_save_step = time.monotonic(), learner.num_timesteps
@@ -187,6 +190,7 @@ def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
             if run.over:
                 break
             begun = learner.num_timesteps
+            iteration = time.monotonic()
             learner.iterate(run.tracker)
             run.hours = before + (time.monotonic() - begin - pause) / 3600
             step, now = learner.num_timesteps, time.monotonic()
@@ -200,7 +204,11 @@ def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
             else:
                 progress.update(step)
             limits = config.checkpoint
-            due = now - last_save >= limits.minutes * 60 or 0 < limits.steps <= step - last_save_step
+            # The first one comes before the roll-out after this would end too late for it.
+            first = not checkpoints.listing(run.directory / "checkpoints")
+            wait, ahead = (FIRST, now - iteration) if first else (limits.minutes * 60, 0.0)
+            due = now + ahead - last_save >= min(wait, limits.minutes * 60)
+            due |= 0 < limits.steps <= step - last_save_step
             if due and step < config.steps:
                 try:
                     run.save()

@@ -57,6 +57,7 @@ class Body:
     _numbers = itertools.count()
 
     def __init__(self, thing: Object) -> None:
+        self.thing = thing
         self.name, self.number = thing.name, next(Body._numbers)  # the number names it within a process
         self.mass = thing.mass if thing.mass is not None else DEFAULT_MASS
         moments, axes = np.linalg.eigh(thing.inertia)

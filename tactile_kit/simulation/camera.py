@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from tactile_kit.simulation.client import Client
+from tactile_kit.simulation.quiet_bullet import pybullet
 
 
 def picture(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from typing import Any
 
-import pybullet
+from tactile_kit.simulation.quiet_bullet import pybullet
 
 
 class Client:

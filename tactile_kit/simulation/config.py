@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
 
 from pydantic import Field, model_validator
 
 from randomization import STANDARD_GRAVITY
 from tactile_kit.settings import Settings
+from tactile_kit.simulation.engines import engine_of
 
 MEASUREMENT_RATE = 60  # Hz, paper section II-C
 CONTROL_RATE = 10  # Hz, the policy
@@ -40,10 +40,8 @@ class SimulationConfig(Settings):
         default=0.27, gt=0, le=2, description="time constant of the command low-pass filter, s"
     )
 
-    # For training; whatever is measured of an agent is measured in Bullet, without thick air.
-    engine: Literal["bullet", "compiled"] = Field(
-        default="bullet", description="Bullet, or the compiled physics of tactile_kit.simulation.compiled"
-    )
+    # Agents are judged in Bullet, and in MuJoCo beside it; the compiled physics and its thick air are for training.
+    engine: str = Field(default="bullet", description="bullet, compiled or mujoco (``engines``)")
     drag: float = Field(
         default=0.0,
         ge=0,
@@ -51,10 +49,10 @@ class SimulationConfig(Settings):
         description="thick air, compiled only: rate at which motion dies down without gravity, 1/s; fades as it rises",
     )
 
-    def plain(self, steps_per_second: int | None = None) -> SimulationConfig:
-        """These settings in Bullet and without thick air, as everything is measured; at another step where given."""
+    def plain(self, steps_per_second: int | None = None, engine: str = "bullet") -> SimulationConfig:
+        """These settings without thick air, as everything is measured; at another step where given."""
         step = self.steps_per_second if steps_per_second is None else steps_per_second
-        return self.changed({"steps_per_second": step, "engine": "bullet", "drag": 0.0})
+        return self.changed({"steps_per_second": step, "engine": engine, "drag": 0.0})
 
     def drag_under(self, gravity: float) -> float:
         """Rate (1/s) at which the object's speed and spin die down under ``gravity`` m/s^2, none at the earth's."""
@@ -79,7 +77,9 @@ class SimulationConfig(Settings):
         return self
 
     @model_validator(mode="after")
-    def _no_air_in_bullet(self) -> SimulationConfig:
-        if self.drag and self.engine == "bullet":
-            raise ValueError(f"simulation.drag = {self.drag:g}: Bullet has no thick air; allowed is 0 there")
+    def _engine_with_air(self) -> SimulationConfig:
+        if not engine_of(self.engine).air and self.drag:
+            raise ValueError(
+                f"simulation.drag = {self.drag:g}: {self.engine} has no thick air; allowed is 0 there"
+            )
         return self

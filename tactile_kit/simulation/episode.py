@@ -132,4 +132,4 @@ def heed(engine: str, physics: Mapping[str, Any], take: Callable[[Any], None]) -
     watched = _Watched(physics)
     take(watched)
     if ignored := sorted(physics.keys() - watched.read):
-        raise EpisodeError(f"{engine} ignores what is drawn: {', '.join(ignored)}")
+        raise EpisodeError(f"engine {engine!r} ignores what is drawn: {', '.join(ignored)}")

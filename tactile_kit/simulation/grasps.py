@@ -61,7 +61,7 @@ def opened(offset: Array | float) -> Array:
 
 def _close(world: World, closing: NDArray[np.bool_]) -> None:
     """Bring the tips of ``closing (4,)`` to the centre of the object, which is held, until each feels it."""
-    place = world.bullet.getBasePositionAndOrientation(world.object)
+    put_back = world.pin()
     target, free = world.command.copy(), closing.copy()
     share = command_share(world.config.filter_time_constant)
     for step in range(CLOSING_STEPS + SETTLING_STEPS):
@@ -75,8 +75,7 @@ def _close(world: World, closing: NDArray[np.bool_]) -> None:
         moving = np.repeat(free, kinematics.DRIVEN)
         target = np.where(moving, command + (aim - command) / share, command)
         world.step(np.clip(target, kinematics.JOINT_LOWER, kinematics.JOINT_UPPER))
-        world.bullet.resetBasePositionAndOrientation(world.object, *place)
-        world.bullet.resetBaseVelocity(world.object, [0.0] * 3, [0.0] * 3)
+        put_back()
 
 
 def try_grasp(
@@ -94,8 +93,7 @@ def try_grasp(
     world.load(body, weightless)
     start = opened(offset)
     world.place(Grasp(kinematics.expand(start), start, np.zeros(3), rotation))
-    world.bullet.performCollisionDetection()
-    if any(contact[8] < -MAX_INSIDE for contact in world.bullet.getContactPoints(world.object)):
+    if world.overlap(anew=True) > MAX_INSIDE:
         return None  # the open hand is in the object already
     try:
         _close(world, closing)

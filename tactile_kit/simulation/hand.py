@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from tactile_kit.hand import kinematics
 from tactile_kit.rotations import to_quaternion
 from tactile_kit.simulation.bodies import finger_files
 from tactile_kit.simulation.client import Client
+from tactile_kit.simulation.quiet_bullet import pybullet
 
 Array = NDArray[np.float64]
 

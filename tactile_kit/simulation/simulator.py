@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -27,7 +26,8 @@ from tactile_kit.simulation.episode import (
     heed,
 )
 from tactile_kit.simulation.grasps import GraspBank
-from tactile_kit.simulation.world import PhysicsFault, World
+from tactile_kit.simulation.world import PhysicsFault
+from tactile_kit.simulation.worlds import world_of
 
 
 class Simulator:
@@ -55,12 +55,7 @@ class Simulator:
         horizon: int,
         visible: bool = False,
     ) -> None:
-        if config.engine != "bullet":
-            raise ValueError(
-                f"simulation.engine = {config.engine!r}: allowed is 'bullet' for a single environment, pictures and "
-                "planning; the compiled physics plays batches (tactile_kit.make_vec)"
-            )
-        self.world = World(config, visible)
+        self.world = world_of(config, visible)
         self.bodies, self.bank, self.preset, self.horizon = bodies, bank, preset, horizon
         self.elapsed = 0
         self.fault: str | None = None
@@ -81,7 +76,7 @@ class Simulator:
         if self._heeds:
             take(self.physics)
         else:
-            heed("Bullet's engine", self.physics, take)
+            heed(world.config.engine, self.physics, take)
             self._heeds = True
         grasp = self.bank.grasp(variant, self.episode.grasp)
         world.place(grasp)
@@ -124,13 +119,11 @@ class Simulator:
     def _check(self) -> None:
         """Raises PhysicsFault where the object is ejected or a finger is inside of it."""
         world = self.world
-        velocity, spin = world.bullet.getBaseVelocity(world.object)
-        speed, turning = math.hypot(*velocity), math.hypot(*spin)
+        speed, turning = world.pace()
         if not (speed <= MAX_SPEED and turning <= MAX_SPIN):
             raise PhysicsFault(f"object at {speed:.3g} m/s and {turning:.3g} rad/s")
-        distances = [point[8] for point in world.bullet.getContactPoints(world.object)]
-        if distances and min(distances) < -MAX_DEPTH:
-            raise PhysicsFault(f"a finger {-1e3 * min(distances):.0f} mm inside the object")
+        if (depth := world.overlap()) > MAX_DEPTH:
+            raise PhysicsFault(f"a finger {1e3 * depth:.0f} mm inside the object")
 
     def dump(self) -> Dump:
         """The present episode so far, to be written and played again (see ``tactile_kit.simulation.dump``)."""
@@ -172,5 +165,5 @@ class Simulator:
         x[:], R[:], q[:] = world.position, world.rotation, world.joints[kinematics.DRIVEN_INDEX]
 
     def close(self) -> None:
-        """Disconnect from Bullet."""
+        """Free the physics."""
         self.world.close()

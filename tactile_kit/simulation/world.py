@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from tactile_kit.hand import kinematics
@@ -18,6 +17,7 @@ from tactile_kit.simulation.bodies import MIN_MASS, Body
 from tactile_kit.simulation.client import Client
 from tactile_kit.simulation.config import SAMPLES, SimulationConfig
 from tactile_kit.simulation.hand import Hand
+from tactile_kit.simulation.quiet_bullet import pybullet
 
 Array = NDArray[np.float64]
 MAX_JOINT_SPEED = 60.0  # rad/s; ten times what the controller's torque limit can bring about in free air
@@ -123,6 +123,28 @@ class World:
         """Put hand and object into ``grasp``, at rest."""
         still = np.zeros(3)
         self._put(Snapshot(**vars(grasp), speeds=np.zeros(kinematics.ALL_JOINTS), velocity=still, spin=still))
+
+    def pin(self) -> Callable[[], None]:
+        """Something that puts the object back to where it is now, at rest."""
+        place = self.bullet.getBasePositionAndOrientation(self.object)
+
+        def back() -> None:
+            self.bullet.resetBasePositionAndOrientation(self.object, *place)
+            self.bullet.resetBaseVelocity(self.object, [0.0] * 3, [0.0] * 3)
+
+        return back
+
+    def pace(self) -> tuple[float, float]:
+        """Speed (m/s) and spin (rad/s) of the object."""
+        velocity, spin = self.bullet.getBaseVelocity(self.object)
+        return math.hypot(*velocity), math.hypot(*spin)
+
+    def overlap(self, anew: bool = False) -> float:
+        """How deep (m) a finger is inside the object, at the last physics step or found ``anew``; 0 without touch."""
+        if anew:
+            self.bullet.performCollisionDetection()
+        distances = [point[8] for point in self.bullet.getContactPoints(self.object)]
+        return max(0.0, -min(distances)) if distances else 0.0
 
     def snapshot(self) -> Snapshot:
         """The present moment."""

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 import object_sets
 import randomization
 from object_sets import Object
-from tactile_kit.simulation.banks import BulletFinder, Finder, Report, find_banks
-from tactile_kit.simulation.config import MEASUREMENT_RATE
+from tactile_kit.simulation import batches
+from tactile_kit.simulation.banks import Finder, Report, find_banks
 from tactile_kit.simulation.grasps import GraspBank
 from tactile_kit.task.config import TaskConfig
 
@@ -79,14 +79,10 @@ class RandomSizes(Sequence[Object]):
 def finder_of(config: TaskConfig) -> Finder:
     """What finds the grasps of a task: the physics that it is played in.
 
-    Grasps are looked for at the coarsest step: they are starting states, and every episode lets them settle.
+    Raises:
+        EngineError: it is not installed.
     """
-    coarse = config.simulation.plain(MEASUREMENT_RATE)
-    if config.simulation.engine == "compiled":
-        from tactile_kit.simulation.compiled.grasping import CompiledFinder
-
-        return CompiledFinder(config.grasps, coarse, spread=config.grasp_spread)
-    return BulletFinder(config.grasps, coarse, spread=config.grasp_spread)
+    return batches.finder_of(config.simulation, config.grasps, config.grasp_spread)
 
 
 def prepare(

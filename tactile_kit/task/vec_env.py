@@ -16,8 +16,8 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from tactile_kit.hand.kinematics import JOINTS
 from tactile_kit.rotations import geodesic
+from tactile_kit.simulation import batches
 from tactile_kit.simulation.episode import Status
-from tactile_kit.simulation.vector import VectorSimulation
 from tactile_kit.task.actions import checked, for_simulator
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core
@@ -30,17 +30,15 @@ from tactile_kit.task.variants import Variants, prepare
 
 if TYPE_CHECKING:
     from tactile_kit.simulation.compiled import CompiledSimulation
+    from tactile_kit.simulation.vector import VectorSimulation
 
 Array = NDArray[Any]
 
 
 def simulation_of(core: Core, num_envs: int, num_workers: int) -> VectorSimulation | CompiledSimulation:
     """The physics that the task's settings ask for."""
-    if core.config.simulation.engine == "compiled":
-        from tactile_kit.simulation.compiled import CompiledSimulation
-
-        return CompiledSimulation(core.blueprint, core.meshes, num_envs, num_workers)
-    return VectorSimulation(core.blueprint, num_envs, num_workers)
+    physics = core.config.simulation
+    return batches.simulation_of(physics, core.blueprint, core.meshes, num_envs, num_workers)
 
 
 class ReorientVecEnv(VecEnv):

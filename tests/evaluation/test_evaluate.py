@@ -134,11 +134,32 @@ def test_progress_counts_up_to_all(agent):
         {"episodes_per_goal": 0},
         {"goals_per_case": 30},
         {"goals": "cubic"},
+        {"world": "compiled"},
+        {"world": "mujocco"},
     ],
 )
 def test_bad_arguments_are_refused(agent, settings):
     with pytest.raises(EvaluationError, match="allowed"):
         evaluate(agent, "cube", **settings)
+
+
+def test_another_world_plays_the_same_protocol(agent):
+    """An episode an object of the paper's, in MuJoCo: same goals and seeds, own grasps, own ends."""
+    pytest.importorskip("mujoco")
+    settings = {"objects": "cube,l_shape,apple", "goals_per_case": 1, "seed": 3, "num_envs": 3}
+    there = evaluate(agent, world="mujoco", quiet=True, **settings)
+    here = evaluate(agent, **settings)
+    assert [(r.object, r.goal, r.seed) for r in there] == [(r.object, r.goal, r.seed) for r in here]
+    assert {r.world for r in there} == {"mujoco"} and {r.world for r in here} == {"bullet"}
+    for row in there:
+        assert not row.fault and (row.drop or row.steps == 100) and 0 <= row.theta_min <= row.theta
+    assert {r.theta for r in there}.isdisjoint({r.theta for r in here})
+
+
+def test_a_world_that_is_not_installed_is_said(agent, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(EvaluationError, match=r"world = 'mujoco'.*tactile-kit\[transfer\]"):
+        evaluate(agent, "cube", world="mujoco")
 
 
 def test_unknown_objects_are_named_with_the_nearest(agent):

@@ -74,6 +74,15 @@ def test_malformed_files_are_refused_by_name(tmp_path, text):
         read_rows(path)
 
 
+def test_the_world_is_kept_and_older_files_are_bullets(tmp_path):
+    rows = [dataclasses.replace(ROW, world="mujoco"), ROW]
+    path = write_rows(tmp_path / "rows.csv", rows)
+    assert [row.world for row in read_rows(path)] == ["mujoco", "bullet"]
+    older = "\n".join(line.rpartition(",")[0] for line in path.read_text().splitlines())
+    path.write_text(older + "\n")
+    assert [row.world for row in read_rows(path)] == ["bullet", "bullet"]
+
+
 def test_missing_files_are_refused_by_name(tmp_path):
     with pytest.raises(EpisodeFileError, match=r"nowhere\.csv"):
         read_rows(tmp_path / "nowhere.csv")

@@ -124,7 +124,7 @@ def fill(world: World, total: int = 200) -> World:
         for item in range(13):
             rows += episodes(role, things[item], round(total * paper_rate(role, item)), total)
         world.evaluated(role, "nominal", rows)
-    for role, rate in ((ORACLE, 0.9), (TACTILE, 0.5)):
+    for role, rate in ((ORACLE, 0.94), (TACTILE, 0.5)):
         rows = [
             row for item in (13, 14, 15) for row in episodes(role, things[item], round(total * rate), total)
         ]

@@ -25,6 +25,7 @@ from reproduce.files import ROOT
         ["measure-estimator", "--help"],
         ["film", "--help"],
         ["view", "--help"],
+        ["status", "--help"],
     ],
 )
 def test_help_needs_nothing_heavy(arguments):
@@ -44,6 +45,7 @@ def test_help_needs_nothing_heavy(arguments):
 @pytest.mark.parametrize(
     "arguments, words",
     [
+        (["trian", "--help"], ["trian", "'train'"]),
         (["run", "--scale", "smol"], ["smol", "smoke"]),
         (["run", "--jobs", "0"], ["--jobs 0", ">= 1"]),
         (["stage", "tabel1", "--scale", "smoke"], ["tabel1", "table1"]),

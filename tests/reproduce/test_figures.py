@@ -9,12 +9,12 @@ import pytest
 
 import object_sets
 from reproduce.artefacts import make
-from reproduce.artefacts.extent import polynomial, samples
+from reproduce.artefacts.extent import polynomial, samples, smooth
 from reproduce.artefacts.learning import band, ends
 from reproduce.artefacts.violin import density_of
 from reproduce.cells import read_cells
 from reproduce.errors import ReproduceError
-from reproduce.inventory import ORACLE, TACTILE
+from reproduce.inventory import ORACLE, TACTILE, TRANSFER, TRANSFERRED
 from reproduce.plan import FIGURES
 from reproduce.results import Curve, read_curve
 from reproduce.style import figure, missing_bar, say_missing
@@ -65,22 +65,36 @@ def test_bars_hold_rate_interval_and_count(world, tmp_path):
     make("success", world.results, files)
     cells = read_cells(files[2])
     simulated = [cell for cell in cells if "simulation" in cell.column]
-    transferred = [cell for cell in cells if "transfer" in cell.column]
+    transferred = [cell for cell in cells if "another" in cell.column]
     assert len(simulated) == len(transferred) == 13
     for item, cell in enumerate(simulated):
         assert cell.ours == pytest.approx(item / 24, abs=1e-6) and cell.n == 24
         assert (cell.low, cell.high) == pytest.approx(wilson(item, 24), abs=1e-6)
         assert cell.paper == (0.66 if item in (5, 12) else 0.90)
-    assert all(cell.status == "missing" and cell.note == "no transfer run" for cell in transferred)
+    assert all(cell.status == "missing" and cell.note == "not evaluated there" for cell in transferred)
 
 
 def test_transferred_episodes_fill_their_bars(world, tmp_path):
-    for evaluation, successes in (("nominal", 20), ("transfer", 12)):
+    for evaluation, successes in (("nominal", 20), (TRANSFER, 12)):
         rows = [row for i in range(13) for row in world.draw(TACTILE, THINGS[i], successes, 24)]
         world.evaluated(TACTILE, evaluation, rows)
     files = outputs("success", tmp_path)
     make("success", world.results, files)
-    assert {c.ours for c in read_cells(files[2]) if "transfer" in c.column} == {0.5}
+    assert {c.ours for c in read_cells(files[2]) if "another" in c.column} == {0.5}
+
+
+def test_agents_stand_in_both_simulators_by_class(world, tmp_path):
+    for role, here, there in zip(TRANSFERRED, (20, 16, 12), (18, 10, 6), strict=True):
+        for evaluation, successes in (("nominal", here), (TRANSFER, there)):
+            rows = [row for i in range(13) for row in world.draw(role, THINGS[i], successes, 24)]
+            world.evaluated(role, evaluation, rows)
+    files = outputs("transfer", tmp_path)
+    make("transfer", world.results, files)
+    cells = read_cells(files[2])
+    assert [cell.row for cell in cells[:4]] == ["All", "Convex", "Round", "Non-convex"]
+    assert [cell.n for cell in cells[:4]] == [13 * 24, 6 * 24, 2 * 24, 5 * 24]
+    rates = [round(24 * cell.ours) for cell in cells if cell.row == "All"]
+    assert rates == [20, 18, 16, 10, 12, 6]
 
 
 def test_complex_compares_the_agents(world, tmp_path):
@@ -147,6 +161,20 @@ def test_extent_samples_and_fit(world):
     exact = 0.3 + 40 * (x - 0.06) ** 2
     np.testing.assert_allclose(polynomial(x, exact, 4)(x), exact, atol=1e-9)
     assert polynomial(x[:5], exact[:5], 4) is None  # five points fix a polynomial of degree 4; that is no fit
+
+
+def test_a_smoother_says_nothing_where_there_is_nothing():
+    rng = np.random.default_rng(0)
+    x = np.concatenate([rng.uniform(0.046, 0.055, 40), rng.uniform(0.077, 0.089, 40)])
+    rates = np.where(x < 0.06, 0.2, 0.8) + rng.normal(0, 0.05, 80)
+    left, right = smooth(x, rates, seed=0)
+    assert left[0].max() < 0.062 and right[0].min() > 0.07  # nothing is drawn across the gap
+    for (_, mean, low, high), level in ((left, 0.2), (right, 0.8)):
+        assert (low <= mean).all() and (mean <= high).all() and (high - low < 0.1).all()
+        np.testing.assert_allclose(mean, level, atol=0.05)
+    assert smooth(x[:3], rates[:3], seed=0) == []
+    again, _ = smooth(x, rates, seed=0)
+    np.testing.assert_array_equal(again[2], left[2])
 
 
 @pytest.mark.parametrize("sizes, fitted", [(24, 0), (256, 2)])

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from reproduce.errors import ReproduceError
-from reproduce.readme import BEGIN, END, block, write
+from reproduce.readme import BEGIN, END, LEAD_BEGIN, LEAD_END, block, lead, write
 
 HEADER = "row,column,quantity,paper,ours,low,high,n,unit,successes,status,note,runs,steps_trained\n"
 TABLE = (
@@ -33,12 +33,37 @@ def test_block_shows_values_intervals_and_gaps(results: Path):
 
 def test_only_the_block_is_replaced(results: Path, tmp_path: Path):
     readme = tmp_path / "README.md"
-    readme.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    readme.write_text(f"before\n{LEAD_BEGIN}\nold\n{LEAD_END}\n{BEGIN}\nold\n{END}\nafter\n")
     write(readme, results)
     text = readme.read_text()
     assert text.startswith("before\n") and text.endswith("\nafter\n") and "old" not in text
     write(readme, results)
     assert readme.read_text() == text
+
+
+def test_the_lead_has_the_rate_over_all_and_the_hours_of_the_whole_chain(results: Path):
+    line = "{},{},success rate,{},{},0.9,1,24,episodes,{},measured,,{},1\n"
+    rows = [
+        line.format(row, column, paper, hits / 24, hits, run)
+        for row, column, paper, hits, run in (
+            ("Round", "Oracle VecBPS", 0.97, 24, "o"),
+            ("Round", "Estimator VecBPS", 0.66, 6, "t"),
+            ("Round", "Finger cell", "", 18, "f"),
+            ("Convex", "Oracle VecBPS", 0.97, 24, "o"),
+            ("Convex", "Estimator VecBPS", 0.90, 6, "t"),
+            ("Convex", "Finger cell", "", 12, "f"),
+        )
+    ]
+    (results / "tables" / "table1.csv").write_text(HEADER + "".join(rows))
+    (results / "agents" / "f").mkdir(parents=True)
+    (results / "agents" / "f" / "agent.json").write_text('{"hours": 0.5, "warm_start": {"hours": 2.0}}')
+    text = lead(results)
+    assert "in 62 % of 48 episodes (the paper's: 66 to 90 %" in text
+    assert "(VecBPS) reach the paper's rates" in text and "2.5 hours on two CPU cores" in text
+
+
+def test_without_a_tactile_agent_the_lead_says_so(results: Path):
+    assert "No agent that only feels" in lead(results)
 
 
 def test_missing_markers_and_tables_are_named(results: Path, tmp_path: Path):

@@ -9,12 +9,13 @@ import pytest
 from reproduce.artefacts.learning import CURVES
 from reproduce.errors import ReproduceError, ScaleError
 from reproduce.files import ROOT, read_yaml
-from reproduce.inventory import ABLATED, BENCHMARK, NEEDS, PLANNER, TRANSFER, inventory
+from reproduce.inventory import ABLATED, BENCHMARK, NEEDS, PLANNER, inventory
 from reproduce.plan import ARTEFACTS, default_out, make_plan
 from reproduce.prepare import prepare, weight
 from reproduce.scales import load_scale, parse_scale, split_variant
 from reproduce.settings import run_settings, training_grasps
 from tactile_kit.runs import RunConfig
+from tactile_kit.simulation.engines import engine_of
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.variants import finder_of
 
@@ -31,7 +32,7 @@ def test_every_run_of_the_paper_is_planned(name, tmp_path):
     assert set(NEEDS) == set(ARTEFACTS)
     made = {(e.run.role, e.group.name) for e in plan.evaluations}
     for artefact, (pairs, _) in NEEDS.items():
-        assert {pair for pair in pairs if pair[1] != TRANSFER and pair[0] != PLANNER} <= made, artefact
+        assert {pair for pair in pairs if pair[0] != PLANNER} <= made, artefact
 
 
 @pytest.mark.parametrize("name", SCALES)
@@ -72,7 +73,7 @@ def test_learning_curves_that_are_compared_are_trained_alike(tmp_path):
 
 def test_small_stays_within_its_budget(tmp_path):
     plan = make_plan(load_scale("small"), "scratch", tmp_path)
-    assert 5000 <= sum(map(weight, plan.evaluations)) <= 7000
+    assert 5000 <= sum(map(weight, plan.evaluations)) <= 8000
 
 
 def test_papers_sizes(tmp_path):
@@ -121,10 +122,10 @@ def test_shipped_agents_are_found_and_the_rest_is_missing(tmp_path):
     assert content["runs"]["tactile-pos-geometric8-s0"]["agent"] is None
     assert content["episodes"]["tactile-pos-geometric8-s0/nominal"] is None
     config = json.loads(prepare(plan).read_text())
-    assert (
-        set(config["evaluate"]) == {f"{there.name}/nominal", f"{there.name}/complex"}
-        and config["train"] == {}
-    )
+    wanted = {f"{there.name}/nominal", f"{there.name}/complex"}
+    if engine_of("mujoco").installed:
+        wanted.add(f"{there.name}/mujoco")
+    assert set(config["evaluate"]) == wanted and config["train"] == {}
 
 
 @pytest.mark.parametrize(

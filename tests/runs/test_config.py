@@ -119,7 +119,7 @@ def test_only_training_episodes_are_eased() -> None:
     assert (config.task.simulation.engine, config.task.simulation.drag) == ("bullet", 0)
     with pytest.raises(ConfigError, match="bullet"):
         RunConfig.build({"episodes": {"engine": "warp"}})
-    with pytest.raises(ConfigError, match=r"drag = 20.*Bullet"):
+    with pytest.raises(ConfigError, match=r"drag = 20.*bullet"):
         RunConfig.build({"episodes": {"engine": "bullet", "drag": 20}})
     with pytest.raises(ConfigError, match=r"episodes.support: unknown; "):
         RunConfig.build({"episodes": {"support": 5}})

@@ -55,6 +55,35 @@ def test_lines_elsewhere(capsys: pytest.CaptureFixture[str], monkeypatch: pytest
     assert "0:00 left" in said[2]
 
 
+def test_more_than_was_asked_for_is_never_more_than_all(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: clock[0])
+    progress = Progress(20_000, label="cube")
+    clock[0] = 100.0
+    progress.begin()  # what came before does not count
+    clock[0] = 101.0
+    progress.update(10_000, LINE)
+    clock[0] = 140.0
+    progress.update(32_768, LINE)
+    first, last = capsys.readouterr().err.splitlines()
+    assert "10,000/s, 0:01 left" in first
+    assert "32,768/32,768 steps, 819/s, 0:00 left" in last
+
+
+def test_a_narrow_terminal_keeps_the_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "80")
+    progress = Progress(1000, 0, "cube")
+    progress.update(500, LINE)
+    progress.close()
+    *_, bar, more = terminal.shown().rstrip().splitlines()
+    assert "━" in bar and "500/1,000 steps" in bar and more.strip().startswith("success 0.25")
+
+
 def test_nothing_when_quiet(capsys: pytest.CaptureFixture[str]) -> None:
     progress = Progress(10, quiet=True)
     progress.update(5, LINE)

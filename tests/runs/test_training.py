@@ -29,6 +29,7 @@ from tactile_kit.runs import (
 )
 from tactile_kit.runs import checkpoint as checkpoints
 from tactile_kit.runs.directory import locked
+from tactile_kit.runs.starting import lost
 
 SCRIPT = Path(__file__).parent / "toy_run.py"
 
@@ -105,6 +106,32 @@ def test_a_run_leaves_an_agent_and_its_history(tmp_path: Path) -> None:
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.name != ".lock"}
     run(tmp_path, 1024)  # nothing left to do
     assert before == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.name != ".lock"}
+
+
+def test_whole_rollouts_are_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    train(settings(1000), tmp_path, make_env=toy)
+    assert "1,024/1,024 steps" in capsys.readouterr().err.splitlines()[-1]
+
+
+@pytest.mark.parametrize("wait, steps", [(0.0, [128, 1024]), (60.0, [1024])])
+def test_the_first_checkpoint_comes_early(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wait: float, steps: list[int]
+) -> None:
+    monkeypatch.setattr("tactile_kit.runs.training.FIRST", wait)
+    run(tmp_path, 1024, **{"checkpoint.steps": 0})
+    assert [int(path.name.split("-")[1]) for path in checkpoints.listing(tmp_path / "checkpoints")] == steps
+
+
+def test_what_was_lost_is_told(tmp_path: Path) -> None:
+    run(tmp_path, 512)
+    saved = last(tmp_path)
+    assert lost(tmp_path, saved, "") == ""
+    assert lost(tmp_path, saved, "process 7").startswith("process 7 was killed here: what it did since")
+    with (tmp_path / "metrics.jsonl").open("a") as file:
+        file.write(json.dumps({"step": 1512, "hours": saved.values["hours"] + 0.5}) + "\n")
+    said = lost(tmp_path, saved, "")
+    assert "before it could save: at least 1,000 steps (30:00) after 512 are lost" in said
+    assert "at least 1,512 steps" in lost(tmp_path, None, "process 7")
 
 
 def test_a_kill_between_checkpoint_and_export_is_made_good(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from tactile_kit.simulation.episode import EpisodeError, Status
 from tactile_kit.simulation.hand import Hand
 from tactile_kit.simulation.vector import Blueprint, VectorSimulation
 
-ENGINES = ("bullet", "compiled")
+ENGINES = {"bullet": 60, "compiled": 60, "mujoco": 600}  # and physics steps a second
 COUNT, HORIZON = 4, 6
 each_engine = pytest.mark.parametrize("engine", ENGINES)
 
@@ -25,8 +25,12 @@ def build(bodies, bank, things):
     made = []
 
     def make(engine: str, preset: Randomization | str = "default", seed: int = 0, horizon: int = HORIZON):
+        if engine == "mujoco":
+            pytest.importorskip("mujoco")
         known = randomization.preset(preset) if isinstance(preset, str) else preset
-        blueprint = Blueprint(SimulationConfig(engine=engine), bodies, bank, known, horizon)
+        blueprint = Blueprint(
+            SimulationConfig(engine=engine, steps_per_second=ENGINES[engine]), bodies, bank, known, horizon
+        )
         if engine == "compiled":
             meshes = MeshTable.from_meshes(
                 [(things[n].vertices, things[n].faces) for n in ("cube", "l_shape")]
@@ -71,14 +75,15 @@ def test_seeds_decide_every_bit(build, engine: str) -> None:
     assert not np.array_equal(one[1]["z"], other[1]["z"])
 
 
-def test_episodes_begin_alike(build) -> None:
+@pytest.mark.parametrize("engine", list(ENGINES)[1:])
+def test_episodes_begin_alike(build, engine: str) -> None:
     """Object, grasp, encoders and noise-free measurements; and the physics told at the end is the same."""
-    bullet, compiled = (play(build(engine), random_actions(HORIZON)) for engine in ENGINES)
+    bullet, other = (play(build(each), random_actions(HORIZON)) for each in ("bullet", engine))
     for name, off in (("x0", 1e-6), ("R0", 1e-5), ("q0", 1e-6), ("z0", 1e-5)):
-        np.testing.assert_allclose(bullet[0][0][name], compiled[0][0][name], atol=off, err_msg=name)
-    assert bullet[1].keys() == compiled[1].keys()
+        np.testing.assert_allclose(bullet[0][0][name], other[0][0][name], atol=off, err_msg=name)
+    assert bullet[1].keys() == other[1].keys()
     for e, end in bullet[1].items():
-        told = compiled[1][e]["physics"]
+        told = other[1][e]["physics"]
         assert list(end["physics"]) == list(told)
         assert all(np.array_equal(end["physics"][name], told[name]) for name in told)
 

@@ -59,7 +59,7 @@ class CompiledSimulation:
         self._physics: list[Any] = [{}] * environments
         first, gravity = self._all[:1], STANDARD_GRAVITY
         heed(
-            "the compiled engine",
+            blueprint.config.engine,
             Episode.drawn(blueprint.preset, 0, gravity, blueprint.horizon, 1).physics,
             lambda physics: self.batch.set_physics(first, [physics]),
         )

@@ -1,0 +1,62 @@
+"""Beside the paper: the agents in another simulator, by Table I's classes; what the paper asked of a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from reproduce.artefacts.success import TRANSFER_COLOUR
+from reproduce.bars import bar
+from reproduce.cells import Cell, paper_values, rate_cell, write_cells
+from reproduce.inventory import TRANSFER, TRANSFERRED
+from reproduce.results import Results
+from reproduce.style import ORACLE, TACTILE, figure, footnote, save, steps_text
+
+LABELS = ("Oracle VecBPS", "Tactile VecBPS, finger cell", "Tactile VecBPS")
+COLOURS = (ORACLE, TACTILE, TACTILE)
+HERE, THERE = "Bullet", "another simulator (MuJoCo)"
+
+
+def make(results: Results, outputs: Sequence[Path]) -> None:
+    """``outputs``: PNG, SVG and a CSV of the bars."""
+    classes = paper_values("table1")["rows"]
+    everything = {"name": "All", "ids": [i for line in classes for i in line["ids"]]}
+    cells: list[Cell] = []
+    made, panels = figure(10.5, 3.4, len(LABELS), sharey=True)
+    for axes, role, label, colour in zip(panels, TRANSFERRED, LABELS, COLOURS, strict=True):
+        for evaluation, world, tone, shift in (
+            ("nominal", HERE, colour, -0.2),
+            (TRANSFER, THERE, TRANSFER_COLOUR, 0.2),
+        ):
+            rows, runs = results.rows(role, evaluation), results.evaluated(role, evaluation)
+            steps = results.steps_trained(runs)
+            for place, line in enumerate((everything, *classes)):
+                mine = [row for row in rows or () if row.object_id in line["ids"]]
+                cell = rate_cell(
+                    line["name"], f"{label}, {world}", None, mine, runs=runs, steps=steps,
+                    missing="not evaluated there" if evaluation == TRANSFER else "run not there",
+                )  # fmt: skip
+                cells.append(cell)
+                bar(axes, place + shift, 0.36, cell, tone)
+            axes.bar([0], [0], color=tone, label=world)
+        known = results.steps_trained(results.run_names(role))
+        axes.set_title(f"{label}\n{steps_text(known)}" if known else f"{label}: missing")
+        axes.set_xticks(range(4), [line["name"] for line in (everything, *classes)])
+        axes.set_xlim(-0.6, 3.6)
+        axes.set_ylim(0, 1.09)
+        axes.legend(fontsize=7, loc="lower left", framealpha=0.8, frameon=True)
+    panels[0].set_ylabel("success rate")
+    footnote(
+        made,
+        f"Scale {results.scale}. {_range(cells)} episodes a bar, 95 % Wilson intervals. Objects 0-12, full gravity, the"
+        " same randomisation, goals and grasping heuristic in both.",
+    )
+    save(made, outputs)
+    write_cells(outputs[2], cells)
+
+
+def _range(cells: Sequence[Cell]) -> str:
+    counts = sorted({cell.n for cell in cells if cell.n})
+    if not counts:
+        return "No"
+    return str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
