@@ -39,6 +39,7 @@ NEEDS: dict[str, tuple[list[tuple[str, str]], bool]] = {
     **{name: (pairs, False) for name, pairs in _NOMINAL.items()},
     "table1": ([*_NOMINAL["table1"], *_BESIDE], False),
     "object_sets": ([], False),
+    "film": ([(FINGERS, "nominal"), (TACTILE, "nominal")], False),
     "learning": ([], True),
     "claims": (_ALL, True),
     "report": ([*_ALL, *_BESIDE], True),
