@@ -72,7 +72,7 @@ def stage(
 
     Args:
         name: Stage: objects, grasps, train, evaluate, table1, table2, object_sets, learning, violin, success, transfer,
-            complex, extent, confusion, film, claims, report.
+            sensitivity, complex, extent, confusion, film, claims, report.
         item: Which job of the stage, for example oracle-vec_bps-geometric8-s0/nominal; all of them by default.
         scale: As in run.
         source: As in run.

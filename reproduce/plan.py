@@ -14,7 +14,17 @@ from reproduce.scales import EvaluationGroup, RunGroup, Scale, split_variant
 from tactile_kit.errors import nearest
 from tactile_kit.simulation.engines import engine_of
 
-FIGURES = ("object_sets", "learning", "violin", "success", "transfer", "complex", "extent", "confusion")
+FIGURES = (
+    "object_sets",
+    "learning",
+    "violin",
+    "success",
+    "transfer",
+    "sensitivity",
+    "complex",
+    "extent",
+    "confusion",
+)
 TABLES = ("table1", "table2")
 ARTEFACTS = (*TABLES, *FIGURES, "film", "claims", "report")
 
