@@ -25,7 +25,7 @@ from tactile_kit.simulation.banks import BulletFinder, find_banks
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.compiled import CompiledSimulation
 from tactile_kit.simulation.config import SimulationConfig
-from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Status
+from tactile_kit.simulation.episode import FULL_RANGE, MIDDLE, Status
 from tactile_kit.simulation.vector import Blueprint, VectorSimulation
 
 STEPS = 30  # control steps

@@ -28,7 +28,7 @@ from tactile_kit.evaluation.schedule import HORIZON, STEPS_PER_SECOND, evaluatio
 from tactile_kit.rotations import geodesic, octahedral
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import CONTROL_RATE, SimulationConfig
-from tactile_kit.simulation.simulator import dropped
+from tactile_kit.simulation.episode import dropped
 from tactile_kit.simulation.world import World
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.goals import EpisodeSpec

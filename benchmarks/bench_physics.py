@@ -28,8 +28,8 @@ from tactile_kit.rotations import geodesic, random_rotations
 from tactile_kit.simulation.banks import BulletFinder, find_banks
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import SimulationConfig
+from tactile_kit.simulation.episode import dropped
 from tactile_kit.simulation.grasps import GraspBank, try_grasp
-from tactile_kit.simulation.simulator import dropped
 from tactile_kit.simulation.world import Grasp, PhysicsFault, World
 
 RATES = (60, 120, 240, 480, 960)  # Hz; the last is the reference

@@ -20,7 +20,8 @@ from record import arguments, write
 from timing import Holding, cpu_seconds
 
 from tactile_kit.hand.kinematics import FIRM_GRASP
-from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator
+from tactile_kit.simulation.episode import FULL_RANGE, MIDDLE
+from tactile_kit.simulation.simulator import Simulator
 from tactile_kit.simulation.world import LOADS_A_SCENE
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core

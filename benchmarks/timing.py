@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import randomization
-from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE
+from tactile_kit.simulation.episode import FULL_RANGE, MIDDLE
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.vec_env import ReorientVecEnv
 

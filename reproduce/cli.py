@@ -72,7 +72,7 @@ def stage(
 
     Args:
         name: Stage: objects, grasps, train, evaluate, table1, table2, object_sets, learning, violin, success, transfer,
-            complex, extent, confusion, claims, report.
+            sensitivity, complex, extent, confusion, film, claims, report.
         item: Which job of the stage, for example oracle-vec_bps-geometric8-s0/nominal; all of them by default.
         scale: As in run.
         source: As in run.
@@ -266,7 +266,6 @@ def evaluate_planner(
     from reproduce.planner import evaluate_to
 
     check_file_writable(out, "--out")
-    say(f"evaluate-planner: prepares {objects}")
     with counted("evaluate-planner", "episodes") as progress:
         summary = evaluate_to(
             out, objects, planner=planner, episodes_per_goal=episodes_per_goal, goals_per_case=goals_per_case,

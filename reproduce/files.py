@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 from pathlib import Path
@@ -64,6 +65,12 @@ def require_agent(directory: Path) -> Path:
     if not (directory / "agent.json").is_file():
         raise ReproduceError(f"{directory}: no agent there (agent.json is missing)")
     return directory
+
+
+def read_csv(path: Path) -> list[dict[str, str]]:
+    """A CSV file's lines by column, as text."""
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
 
 
 def shown(path: str | os.PathLike) -> str:

@@ -8,6 +8,7 @@ from reproduce.plan import Plan
 
 TRANSFER = "mujoco"  # the evaluation in another simulator
 PLANNER = "planner"  # its episodes are found, not made by the pipeline
+SENSITIVITY = "sensitivity"  # courses under one term of the randomisation at a time; found, not made
 KALMAN = "kalman"  # the evaluation in which a filter stands in for the agent's own estimator
 
 ORACLE, TACTILE = "oracle-vec_bps-geometric8", "tactile-vec_bps-geometric8"
@@ -38,17 +39,30 @@ _ALL = list(dict.fromkeys(pair for pairs in _NOMINAL.values() for pair in pairs)
 NEEDS: dict[str, tuple[list[tuple[str, str]], bool]] = {
     **{name: (pairs, False) for name, pairs in _NOMINAL.items()},
     "table1": ([*_NOMINAL["table1"], *_BESIDE], False),
+    "sensitivity": ([], False),
     "object_sets": ([], False),
+    "film": ([(FINGERS, "nominal"), (TACTILE, "nominal")], False),
     "learning": ([], True),
     "claims": (_ALL, True),
     "report": ([*_ALL, *_BESIDE], True),
 }
+COURSES = {"sensitivity": (FINGERS, SENSITIVITY)}  # artefact -> the role and name of the courses it reads
 
 
 def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
     """The files ``artefact`` reads, as plain data: paths, and None where a file isn't there and won't be made."""
     pairs, curves = NEEDS[artefact]
     roles = {role for role, _ in pairs}
+    courses: dict[str, str] = {}
+    if artefact in COURSES:
+        role, name = COURSES[artefact]
+        roles.add(role)
+        files = {
+            run.name: plan.out / "episodes" / run.name / f"{name}.csv"
+            for run in plan.runs
+            if run.role == role
+        }
+        courses = {f"{run}/{name}": str(file) for run, file in files.items() if file.is_file()}
     lines = {run.name for run in plan.runs if curves and run.kind == "oracle" and run.curves}
     episodes: dict[str, str | None] = {}
     for evaluation in plan.evaluations:
@@ -78,6 +92,7 @@ def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
             if run.role in roles or run.name in lines
         },
         "episodes": episodes,
+        "courses": courses,
         **cost,
     }
 
@@ -85,7 +100,7 @@ def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
 def found(content: dict[str, Any]) -> list[str]:
     """The files of an inventory that are there already, whatever the pipeline makes."""
     files = [file for name, file in content["episodes"].items() if file and not is_made(name)]
-    return files + ([content["cost"]] if "cost" in content else [])
+    return files + [*content["courses"].values(), *([content["cost"]] if "cost" in content else [])]
 
 
 def is_made(episodes: str) -> bool:

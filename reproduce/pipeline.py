@@ -22,7 +22,7 @@ from reproduce.progress import Progress
 from tactile_kit.progress import duration
 
 _STAGE = re.compile(r"-m reproduce stage (\S+)(?: (\S+))? --pipeline")
-_SECONDS = {"objects": 2.0, "grasps": 60.0}  # rough cost of jobs, for the time left only
+_SECONDS = {"objects": 2.0, "grasps": 60.0, "film": 40.0}  # rough cost of jobs, for the time left only
 _EPISODE, _STEP, _ARTEFACT = 0.15, 0.0003, 3.0
 
 

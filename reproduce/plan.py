@@ -14,9 +14,19 @@ from reproduce.scales import EvaluationGroup, RunGroup, Scale, split_variant
 from tactile_kit.errors import nearest
 from tactile_kit.simulation.engines import engine_of
 
-FIGURES = ("object_sets", "learning", "violin", "success", "transfer", "complex", "extent", "confusion")
+FIGURES = (
+    "object_sets",
+    "learning",
+    "violin",
+    "success",
+    "transfer",
+    "sensitivity",
+    "complex",
+    "extent",
+    "confusion",
+)
 TABLES = ("table1", "table2")
-ARTEFACTS = (*TABLES, *FIGURES, "claims", "report")
+ARTEFACTS = (*TABLES, *FIGURES, "film", "claims", "report")
 
 
 @dataclass(frozen=True)
@@ -99,7 +109,8 @@ class Plan:
             return [self.out / "tables" / f"{artefact}.{suffix}" for suffix in ("csv", "tex")]
         if artefact in FIGURES:
             return [self.out / "figures" / f"{artefact}.{suffix}" for suffix in ("png", "svg", "csv")]
-        return {"claims": [self.out / "claims.csv"], "report": [self.out / "report" / "index.html"]}[artefact]
+        others = {"claims": "claims.csv", "film": "report/film.csv", "report": "report/index.html"}
+        return [self.out / others[artefact]]
 
     def jobs(self) -> dict[str, list[Run]]:
         """Training jobs and the runs each trains, one after another."""

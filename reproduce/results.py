@@ -16,6 +16,7 @@ from reproduce.errors import ReproduceError
 from reproduce.files import read_json, read_yaml
 from reproduce.inventory import PLANNER
 from reproduce.style import steps_text
+from tactile_kit.evaluation.courses import Moment, read_courses
 from tactile_kit.evaluation.rows import EpisodeRow, read_rows
 
 ALIKE = 1.5  # ratio of environment steps up to which agents count as trained alike
@@ -60,6 +61,11 @@ class Results:
         files = [self.content["episodes"].get(f"{name}/{evaluation}") for name in self.run_names(role)]
         rows = [row for file in files if file is not None for row in self._read(file)]
         return rows or None
+
+    def courses(self, role: str, name: str) -> list[Moment]:
+        """Courses of all seeds of a role; none where nobody measured them."""
+        files = [self.content["courses"].get(f"{run}/{name}") for run in self.run_names(role)]
+        return [line for file in files if file is not None for line in read_courses(file)]
 
     def evaluated(self, role: str, evaluation: str) -> list[str]:
         """The runs of a role behind ``rows``."""

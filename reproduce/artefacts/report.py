@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import base64
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from reproduce import provenance
+from reproduce.artefacts.film import episodes, film_of
 from reproduce.cells import Cell, percent, read_cells
-from reproduce.files import read_yaml
+from reproduce.files import read_csv, read_yaml
 from reproduce.results import Results
 from reproduce.style import short
 from tactile_kit.evaluation.rows import read_rows
@@ -39,8 +39,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
 def content(results: Results, out: Path) -> dict[str, Any]:
     """What the page shows, as plain data."""
     texts = read_yaml(Path(__file__).parents[1] / "paper_values" / "report.yaml")
-    with (out / "claims.csv").open(newline="", encoding="utf-8") as file:
-        claims = list(csv.DictReader(file))
+    claims = read_csv(out / "claims.csv")
     agents = [provenance.agent(results, name, out) for name in results.content["runs"]]
     missing = [agent["name"] for agent in agents if not agent["there"]]
     there = [agent for agent in agents if agent["there"]]
@@ -79,6 +78,7 @@ def content(results: Results, out: Path) -> dict[str, Any]:
         },
         "tables": tables,
         "figures": figures,
+        "film": _film(out / "report" / "film.csv"),
         "paper_agents": PAPER_AGENTS,
         "episodes": _episodes(results),
     }
@@ -93,6 +93,15 @@ def _by_row(cells: Sequence[Cell]) -> dict[str, list[Cell]]:
     for cell in cells:
         rows.setdefault(cell.row, []).append(cell)
     return rows
+
+
+def _film(table: Path) -> dict[str, Any] | None:
+    """The film as a data URI, with what happens in it; None where nothing was filmed."""
+    shown = episodes(table)
+    if not shown:
+        return None
+    data = base64.b64encode(film_of(table).read_bytes()).decode()
+    return {"address": f"data:video/mp4;base64,{data}", "episodes": shown, "agent": shown[0]["agent"]}
 
 
 def _image(stem: Path) -> str:

@@ -38,14 +38,15 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
                 )  # fmt: skip
                 cells.append(cell)
                 bar(axes, place + shift, 0.36, cell, tone)
-            axes.bar([0], [0], color=tone, label=world)
         known = results.steps_trained(results.run_names(role))
         axes.set_title(f"{label}\n{steps_text(known)}" if known else f"{label}: missing")
         axes.set_xticks(range(4), [line["name"] for line in (everything, *classes)])
         axes.set_xlim(-0.6, 3.6)
         axes.set_ylim(0, 1.09)
-        axes.legend(fontsize=7, loc="lower left", framealpha=0.8, frameon=True)
     panels[0].set_ylabel("success rate")
+    for colour, name in ((ORACLE, HERE), (TACTILE, HERE), (TRANSFER_COLOUR, THERE)):
+        panels[0].bar([0], [0], color=colour, label=name)
+    made.legend(loc="outside upper right", ncols=3, fontsize=7.5)
     footnote(
         made,
         f"Scale {results.scale}. {_range(cells)} episodes a bar, 95 % Wilson intervals. Objects 0-12, full gravity, the"

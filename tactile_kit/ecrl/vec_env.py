@@ -21,7 +21,7 @@ from tactile_kit.estimator.config import EstimatorConfig
 from tactile_kit.estimator.trainer import EstimatorTrainer
 from tactile_kit.rotations import geodesic
 from tactile_kit.shape import BPS, encoding
-from tactile_kit.simulation.simulator import Status
+from tactile_kit.simulation.episode import Status
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.goals import EpisodeSpec
 from tactile_kit.task.observation import Belief, Layout

@@ -20,7 +20,7 @@ from tactile_kit.evaluation.schedule import STEPS_PER_SECOND, schedule
 from tactile_kit.planning import Planner, PlannerConfig
 from tactile_kit.processes import Workers
 from tactile_kit.rotations import geodesic
-from tactile_kit.simulation.simulator import Status
+from tactile_kit.simulation.episode import Status
 from tactile_kit.task.config import TaskConfig
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from tactile_kit.hand import inverse
 from tactile_kit.hand.kinematics import DRIVEN_INDEX, FINGERS, JOINTS, MEAN_GRASP
 from tactile_kit.planning import laws
 from tactile_kit.simulation.config import command_share
-from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE
+from tactile_kit.simulation.episode import FULL_RANGE, MIDDLE
 from tactile_kit.simulation.world import World
 
 Array = NDArray[np.float64]

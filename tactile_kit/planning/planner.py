@@ -20,7 +20,8 @@ from tactile_kit.hand.kinematics import DRIVEN_INDEX, JOINTS, MEAN_GRASP
 from tactile_kit.planning.gait import Gait, Move, random_move
 from tactile_kit.planning.laws import CENTRE
 from tactile_kit.settings import Settings
-from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator, dropped
+from tactile_kit.simulation.episode import FULL_RANGE, MIDDLE, dropped
+from tactile_kit.simulation.simulator import Simulator
 from tactile_kit.simulation.world import PhysicsFault, Snapshot, World
 
 Array = NDArray[np.float64]

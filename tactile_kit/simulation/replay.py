@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from tactile_kit.simulation.dump import Dump, DumpError
-from tactile_kit.simulation.simulator import Simulator, Status
+from tactile_kit.simulation.episode import Status
+from tactile_kit.simulation.simulator import Simulator
 
 
 def replay(dump: Dump, simulator: Simulator) -> Status:

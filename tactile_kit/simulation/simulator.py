@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from enum import IntEnum
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,33 +12,22 @@ from numpy.typing import NDArray
 import randomization
 from tactile_kit.hand import kinematics
 from tactile_kit.simulation.bodies import Body
-from tactile_kit.simulation.config import CONTROL_RATE, SAMPLES, SimulationConfig
+from tactile_kit.simulation.config import SAMPLES, SimulationConfig
 from tactile_kit.simulation.dump import STATE, Dump
+from tactile_kit.simulation.episode import (
+    FULL_RANGE,
+    MAX_DEPTH,
+    MAX_SPEED,
+    MAX_SPIN,
+    MIDDLE,
+    Episode,
+    Status,
+    dropped,
+    heed,
+)
 from tactile_kit.simulation.grasps import GraspBank
 from tactile_kit.simulation.world import PhysicsFault
 from tactile_kit.simulation.worlds import world_of
-
-LOWEST = -0.05  # m: below, the object is dropped
-WIDEST = 0.10  # m: |x| beyond, the object is dropped
-FULL_RANGE = 0.5 * (kinematics.JOINT_UPPER - kinematics.JOINT_LOWER)
-MIDDLE = 0.5 * (kinematics.JOINT_UPPER + kinematics.JOINT_LOWER)
-# Twice what the wildest actions bring about (2.2 m/s and 35 rad/s), and more than they push a finger in (18 mm).
-MAX_SPEED, MAX_SPIN = 5.0, 70.0  # of the object, m/s and rad/s
-MAX_DEPTH = 0.025  # m of a finger inside the object
-
-
-class Status(IntEnum):
-    """How a control step ended."""
-
-    RUNNING = 0
-    TIME = 1  # the horizon is reached
-    DROP = 2
-    FAULT = 3  # the physics left its range
-
-
-def dropped(position: NDArray) -> NDArray | bool:
-    """Whether an object at ``position (..., 3)`` m counts as dropped."""
-    return (position[..., 2] < LOWEST) | (np.abs(position[..., 0]) > WIDEST)
 
 
 class Simulator:
@@ -72,17 +62,23 @@ class Simulator:
         self.start: tuple[int, int, float] = (0, 0, 0.0)  # variant, seed and gravity of the episode
         self.actions: list[NDArray] = []  # of the episode
         self._interval: dict[str, int] = {}  # number of the present interval of each term drawn now and then
-        self._every = {name: t.interval for name, t in preset.terms.items() if t.interval is not None}
+        self._heeds = False  # whether the engine takes all that the preset draws: seen in the first episode
 
     def reset(self, variant: int, seed: int, gravity: float) -> None:
-        """Start an episode: everything random comes from ``seed``; ``gravity`` in m/s^2."""
+        """Start an episode: everything random comes from ``seed``; ``gravity`` in m/s^2.
+
+        Raises EpisodeError where the preset draws what this engine ignores.
+        """
         world, self.start, self.actions = self.world, (variant, seed, gravity), []
-        self.physics = {**self.preset.draw("episode", seed), "gravity": gravity}
-        self._steps = self.preset.draw_steps(seed, self.horizon * SAMPLES)
-        self._intervals = self.preset.draw_intervals(seed, self.horizon / CONTROL_RATE)
-        number = int(randomization.stream(seed, "grasp").integers(self.bank.count(variant)))
-        grasp = self.bank.grasp(variant, number)
-        world.load(self.bodies[variant], self.physics)
+        self.episode = Episode.drawn(self.preset, seed, gravity, self.horizon, self.bank.count(variant))
+        self.physics: Mapping[str, Any] = self.episode.physics
+        take = partial(world.load, self.bodies[variant])
+        if self._heeds:
+            take(self.physics)
+        else:
+            heed(world.config.engine, self.physics, take)
+            self._heeds = True
+        grasp = self.bank.grasp(variant, self.episode.grasp)
         world.place(grasp)
         self._target = grasp.command.copy()
         self.elapsed, self.fault, self._interval = 0, None, {}
@@ -96,11 +92,11 @@ class Simulator:
         if not np.isfinite(action).all():
             self.fault = f"action {action} is not finite"
             return Status.FAULT
-        sticky = "sticky_action" in self._steps and self._steps["sticky_action"][number]
-        if not sticky:
+        sticky = self.episode.sticky
+        if sticky is None or not sticky[number]:
             action = np.clip(action, -1.0, 1.0)
             self._target = MIDDLE + FULL_RANGE * action
-        self._disturb(number / CONTROL_RATE)
+        self._disturb(number)
         noise = self.noise(number)
         before = world.q.copy(), world.e.copy(), world.joints, world.position, world.rotation
         try:
@@ -150,20 +146,15 @@ class Simulator:
 
     def noise(self, number: int) -> NDArray | None:
         """Measurement noise ``(6, 12)`` rad of control step ``number``; None where there is none (any more)."""
-        rows = self._steps.get("joint_noise")
-        return (
-            rows[number * SAMPLES : (number + 1) * SAMPLES]
-            if rows is not None and number < self.horizon
-            else None
-        )
+        rows = self.episode.noise
+        return rows[number] if rows is not None and number < self.horizon else None
 
-    def _disturb(self, time: float) -> None:
-        # 0.3 / 0.1 is a hair less than 3
-        interval = {name: int(time / self._every[name] + 1e-9) for name in self._intervals}
+    def _disturb(self, number: int) -> None:
+        interval = self.episode.pushed(number)
         if interval == self._interval:
             return
         self._interval = interval
-        values = {name: self._intervals[name][at] for name, at in interval.items()}
+        values = {name: self.episode.pushes[name][at] for name, at in interval.items()}
         self.world.disturb(values.get("force", np.zeros(3)), values.get("torque", np.zeros(3)))
 
     def read(self, z: NDArray, x: NDArray, R: NDArray, q: NDArray) -> None:

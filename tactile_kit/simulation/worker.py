@@ -14,7 +14,8 @@ import numpy as np
 
 from tactile_kit.hand.kinematics import JOINTS
 from tactile_kit.simulation.config import SAMPLES
-from tactile_kit.simulation.simulator import Simulator, Status
+from tactile_kit.simulation.episode import Status
+from tactile_kit.simulation.simulator import Simulator
 
 # name: (shape of one environment's entry, dtype)
 FIELDS: dict[str, tuple[tuple[int, ...], type]] = {

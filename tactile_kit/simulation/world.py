@@ -102,7 +102,7 @@ class World:
         # Bullet multiplies the coefficients of the two bodies: the object's are 1 and the hand's rule.
         bullet.changeDynamics(self.object, -1, lateralFriction=1.0, linearDamping=0, angularDamping=0)
         impedance = Impedance(physics["kp"], physics["kd"], physics["series_stiffness"])
-        self.controller = ImpedanceController(impedance, self.config.time_step, self.physics["gravity"])
+        self.controller = ImpedanceController(impedance, self.config.time_step, physics["gravity"])
         self._offset = np.asarray(physics["joint_offset"], dtype=np.float64)
         self.disturb(np.zeros(3), np.zeros(3))
 

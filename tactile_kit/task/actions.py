@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactile_kit.hand.kinematics import JOINTS
-from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE
+from tactile_kit.simulation.episode import FULL_RANGE, MIDDLE
 from tactile_kit.task.config import TaskConfig
 
 LEAD = 0.5  # rad by which an increment of 1 puts the target ahead of the filtered command

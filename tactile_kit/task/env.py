@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import randomization
 from tactile_kit.hand.kinematics import JOINTS
 from tactile_kit.rotations import geodesic
-from tactile_kit.simulation.simulator import Status
+from tactile_kit.simulation.episode import Status
 from tactile_kit.task.actions import checked, for_simulator
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.core import Core

@@ -13,7 +13,8 @@ from tactile_kit.planning import laws
 from tactile_kit.planning.gait import LIFTS, Gait, Gaits, Move, random_move
 from tactile_kit.planning.planner import angle_between
 from tactile_kit.rotations import exp
-from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator
+from tactile_kit.simulation.episode import FULL_RANGE, MIDDLE
+from tactile_kit.simulation.simulator import Simulator
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import randomization
 from tactile_kit.planning import Planner, PlannerConfig
 from tactile_kit.planning.gait import Move
 from tactile_kit.rotations import exp, geodesic
-from tactile_kit.simulation.simulator import Status
+from tactile_kit.simulation.episode import Status
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Plays training episodes with fixed actions: ``python episodes.py WORKERS`` prints a digest of all that was shown."""
+"""Plays training episodes with fixed actions; ``python episodes.py WORKERS ENGINE`` prints a digest of all shown."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ ENVIRONMENTS, STEPS = 4, 24  # past two ends of each environment's episodes
 class Play:
     """One environment, stepped with actions of its own, and the digest of everything it showed."""
 
-    def __init__(self, seed: int = 7, workers: int = 0, **settings: Any) -> None:
-        self.env = ReorientVecEnv(TASK, num_envs=ENVIRONMENTS, num_workers=workers, seed=seed, **settings)
+    def __init__(self, seed: int = 7, workers: int = 0, engine: str = "bullet", **settings: Any) -> None:
+        task = TASK.changed({"simulation": {"engine": engine}})
+        self.env = ReorientVecEnv(task, num_envs=ENVIRONMENTS, num_workers=workers, seed=seed, **settings)
         self.actions = np.random.default_rng(seed)
         self.shown, self.ended, self.first = hashlib.sha256(), 0, self.env.reset()
         self.shown.update(self.first.tobytes())
@@ -46,4 +47,4 @@ class Play:
 
 
 if __name__ == "__main__":
-    print(Play(workers=int(sys.argv[1])).digest())
+    print(Play(workers=int(sys.argv[1]), engine=sys.argv[2]).digest())

@@ -28,3 +28,14 @@ def settings(kind: str, steps: int, **changes) -> RunConfig:
         "evaluation": {"minutes": 0},
     }
     return RunConfig.preset("ppo-smoke", {**base, **changes})
+
+
+# The recipe that ships: steps of the filtered command, and in the compiled physics thick air and gravity that waits.
+RECIPE = {
+    "bullet": {},
+    "compiled": {
+        "task": {"objects": "cube,l_shape", "grasps": 2, "horizon": 12, "encoding": "bps", "action": "increment"},
+        "episodes": {"engine": "compiled", "drag": 20, "grasps": 2, "grasp_spread": 0.1},
+        "gravity": {"start": 2.0, "end": 9.81, "steps": 500, "drops": 0.9, "geometric": True},
+    },
+}  # fmt: skip

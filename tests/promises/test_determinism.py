@@ -20,28 +20,33 @@ from tactile_kit.task.goals import training_episodes
 AGENTS = Path(__file__).parents[2] / "results/agents"
 
 
+@pytest.fixture(scope="module", params=["bullet", "compiled"])
+def engine(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def reference() -> str:
-    play = Play()
+def reference(engine: str) -> str:
+    play = Play(engine=engine)
     digest = play.digest()
     assert play.ended >= 2 * episodes.ENVIRONMENTS
-    assert Play(seed=8).digest() != digest
+    assert Play(seed=8, engine=engine).digest() != digest
     return digest
 
 
 @pytest.mark.parametrize("workers", [1, 2, 4])
-def test_workers_change_nothing(reference: str, workers: int) -> None:
-    assert Play(workers=workers).digest() == reference
+def test_workers_change_nothing(reference: str, engine: str, workers: int) -> None:
+    assert Play(workers=workers, engine=engine).digest() == reference
 
 
-def test_a_new_process_changes_nothing(reference: str) -> None:
-    command = [sys.executable, episodes.__file__, "1"]
+def test_a_new_process_changes_nothing(reference: str, engine: str) -> None:
+    command = [sys.executable, episodes.__file__, "1", engine]
     run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     assert run.stdout.split()[-1] == reference
 
 
-def test_environments_in_one_process_leave_each_other_alone(reference: str) -> None:
-    one, other = Play(), Play(seed=8)
+def test_environments_in_one_process_leave_each_other_alone(reference: str, engine: str) -> None:
+    one, other = Play(engine=engine), Play(seed=8, engine=engine)
     for number in range(episodes.STEPS):
         one.step()
         other.step(nonsense=number == 5)

@@ -13,8 +13,8 @@ from tactile_kit.ecrl import TactileVecEnv
 from tactile_kit.runs import RunConfig, read_metrics, train
 from tactile_kit.runs import checkpoint as checkpoints
 from tactile_kit.simulation.dump import read
+from tactile_kit.simulation.episode import Status
 from tactile_kit.simulation.replay import replay
-from tactile_kit.simulation.simulator import Status
 from tactile_kit.task.core import Core
 
 

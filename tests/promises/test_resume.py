@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from promise_cases import settings
+from promise_cases import RECIPE, settings
 
 from tactile_kit.ecrl import TactileVecEnv
 from tactile_kit.runs import RunConfig, read_metrics, train
@@ -25,8 +25,8 @@ def environment(workers: int) -> Callable[[RunConfig], Any]:
     def make(config: RunConfig) -> Any:
         common = {"num_envs": config.num_envs, "num_workers": workers, "seed": 11}
         if config.kind == "oracle":
-            return ReorientVecEnv(config.task, **common)
-        return TactileVecEnv(config.task, **common, estimator=config.estimator, ecrl=config.ecrl)
+            return ReorientVecEnv(config.played, **common)
+        return TactileVecEnv(config.played, **common, estimator=config.estimator, ecrl=config.ecrl)
 
     return make
 
@@ -45,14 +45,16 @@ EVERYTHING = {
 
 
 @pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
+@pytest.mark.parametrize("engine", ["bullet", "compiled"])
 @pytest.mark.parametrize("kind", ["tactile", "oracle"])
-def test_resumed_equals_uninterrupted(tmp_path: Path, kind: str) -> None:
+def test_resumed_equals_uninterrupted(tmp_path: Path, kind: str, engine: str) -> None:
     whole, parts = tmp_path / "whole", tmp_path / "parts"
-    train(settings(kind, 2 * HALF), whole, make_env=environment(0), quiet=True)
-    train(settings(kind, HALF), parts, make_env=environment(0), quiet=True)
+    recipe = RECIPE[engine]
+    train(settings(kind, 2 * HALF, **recipe), whole, make_env=environment(0), quiet=True)
+    train(settings(kind, HALF, **recipe), parts, make_env=environment(0), quiet=True)
     between = checkpoints.newest(parts / "checkpoints")[0]
     torch.rand(3), np.random.rand(3)  # whatever happens in between
-    train(settings(kind, 2 * HALF), parts, make_env=environment(2), quiet=True)
+    train(settings(kind, 2 * HALF, **recipe), parts, make_env=environment(2), quiet=True)
     one, two = (checkpoints.newest(folder / "checkpoints")[0] for folder in (whole, parts))
     assert one is not None and two is not None and between is not None
     assert EVERYTHING[kind] | LEARNER <= groups(one)
@@ -77,4 +79,4 @@ def test_resumed_equals_uninterrupted(tmp_path: Path, kind: str) -> None:
     assert last["gravity"] not in (2.0, 9.81)  # resumed on the curriculum's slope
     if kind == "tactile":
         assert last["estimator/iteration"] > 10 and last["rho"] == 0.0
-    assert one.values["learner"]["rate"] != settings(kind, 1).ppo.learning_rate
+    assert one.values["learner"]["rate"] != settings(kind, 1, **recipe).ppo.learning_rate

@@ -82,6 +82,18 @@ def test_every_room_has_its_floor(arrows: dict[str, set[str]]) -> None:
     assert {room(module) for module in arrows} == set.union(*FLOORS)
 
 
+def test_the_page_shows_the_floors() -> None:
+    rows = [
+        line.split("|")[2]
+        for line in (ROOT / "docs/architecture.md").read_text().splitlines()
+        if "| `" in line
+    ]
+    shown = [
+        {name if name[0] != "." else f"tactile_kit{name}" for name in row.split("`")[1::2]} for row in rows
+    ]
+    assert shown == [rooms for rooms in reversed(FLOORS) if rooms != {"tactile_kit"}]
+
+
 def test_arrows_go_down_only(arrows: dict[str, set[str]]) -> None:
     assert not upward(arrows)
 

@@ -63,6 +63,7 @@ class World:
         self.runs: dict[str, dict] = {}
         self.episodes: dict[str, str | None] = {}
         self.cost: dict[str, str] = {}
+        self.courses: dict[str, str] = {}
 
     draw = staticmethod(episodes)
 
@@ -104,7 +105,7 @@ class World:
     def results(self) -> Results:
         content = {
             "artefact": "test", "scale": "test", "description": "Drawn for a test.", "source": "pretrained", "seed": 0,
-            "runs": self.runs, "episodes": self.episodes, **self.cost,
+            "runs": self.runs, "episodes": self.episodes, "courses": self.courses, **self.cost,
         }  # fmt: skip
         file = self.folder / "inventory.yaml"
         file.write_text(dump_yaml(content))

@@ -23,6 +23,8 @@ from reproduce.files import ROOT
         ["evaluate-planner", "--help"],
         ["train-estimator", "--help"],
         ["measure-estimator", "--help"],
+        ["film", "--help"],
+        ["view", "--help"],
         ["status", "--help"],
     ],
 )

@@ -14,11 +14,12 @@ from reproduce.artefacts.learning import band, ends
 from reproduce.artefacts.violin import density_of
 from reproduce.cells import read_cells
 from reproduce.errors import ReproduceError
-from reproduce.inventory import ORACLE, TACTILE, TRANSFER, TRANSFERRED
+from reproduce.inventory import FINGERS, ORACLE, SENSITIVITY, TACTILE, TRANSFER, TRANSFERRED
 from reproduce.plan import FIGURES
 from reproduce.results import Curve, read_curve
 from reproduce.style import figure, missing_bar, say_missing
 from tactile_kit.evaluation import wilson
+from tactile_kit.evaluation.courses import Moment, write_courses
 
 THINGS = {thing.id: thing for thing in object_sets.load("all")}
 
@@ -46,7 +47,9 @@ def test_same_data_same_bytes(full_world, tmp_path, name):
             assert b"<svg" in content and b"dc:date" not in content
 
 
-@pytest.mark.parametrize("name", ["learning", "violin", "success", "complex", "extent", "confusion"])
+@pytest.mark.parametrize(
+    "name", ["learning", "violin", "success", "transfer", "sensitivity", "complex", "extent", "confusion"]
+)
 def test_a_world_without_runs_has_missing_cells_only(world, tmp_path, name):
     files = outputs(name, tmp_path)
     make(name, world.results, files)
@@ -95,6 +98,48 @@ def test_agents_stand_in_both_simulators_by_class(world, tmp_path):
     assert [cell.n for cell in cells[:4]] == [13 * 24, 6 * 24, 2 * 24, 5 * 24]
     rates = [round(24 * cell.ours) for cell in cells if cell.row == "All"]
     assert rates == [20, 18, 16, 10, 12, 6]
+
+
+def test_sensitivity_stands_beside_the_default(world, tmp_path):
+    lines = []
+    for condition, successes, error in (
+        ("default", 12, 0.2),
+        ("joint offset x 0", 18, 0.1),
+        ("mass x 2", 6, 0.4),
+    ):
+        for number in range(24):
+            theta = 0.2 if number < successes else 1.0
+            wrong = error + 0.01 * (number // 2)
+            thing = THINGS[number % 2]
+            lines.append(
+                Moment(
+                    condition,
+                    thing.id,
+                    thing.name,
+                    number,
+                    number,
+                    10.0,
+                    theta,
+                    theta,
+                    wrong,
+                    wrong,
+                    0.01,
+                    0.1,
+                    "time",
+                )
+            )
+    name = world.run(FINGERS)
+    write_courses(tmp_path / "sensitivity.csv", lines)
+    world.courses = {f"{name}/{SENSITIVITY}": str(tmp_path / "sensitivity.csv")}
+    files = outputs("sensitivity", tmp_path)
+    make("sensitivity", world.results, files)
+    cells = {(cell.row, cell.column, cell.quantity): cell for cell in read_cells(files[2])}
+    assert cells["default", "x 1", "success rate"].ours == 0.5
+    assert cells["joint offset", "x 0", "success rate"].ours == 0.75
+    assert cells["mass", "x 2", "success rate"].successes == 6
+    error = cells["joint offset", "x 0", "mean error of the estimate (rad)"]
+    assert error.ours == pytest.approx(0.155) and error.low < 0.155 < error.high
+    assert cells["joint noise", "x 0", "success rate"].status == "missing"
 
 
 def test_complex_compares_the_agents(world, tmp_path):

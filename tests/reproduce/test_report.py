@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import html.parser
 import json
 import re
@@ -10,7 +11,8 @@ import pytest
 
 import object_sets
 from reproduce.artefacts import make
-from reproduce.inventory import TACTILE
+from reproduce.files import ROOT
+from reproduce.inventory import FINGERS, TACTILE
 from reproduce.plan import FIGURES, TABLES
 
 THINGS = {thing.id: thing for thing in object_sets.load("all")}
@@ -74,7 +76,7 @@ def test_it_is_one_sound_page_with_everything_inside(page):
     parsed = Page(page)
     assert parsed.open == [] and parsed.outside == []
     assert parsed.images == len(FIGURES)
-    assert "<script" not in page and "url(" not in page
+    assert "<script" not in page and "url(" not in page and "<video" not in page  # nobody was filmed
 
 
 def test_nav_is_in_page_order_and_links_lead_to_files(page, folder):
@@ -123,6 +125,26 @@ def test_it_shows_every_claim_with_its_verdict(page):
 
 def test_same_data_same_page(page, paper_world, tmp_path):
     assert build(paper_world, tmp_path) == page
+
+
+def test_it_shows_an_agent_at_work(world, tmp_path, monkeypatch):
+    """A short film of a shipped agent, inside the page, and nothing where there is no agent."""
+    short = {"objects": "cube", "episodes": 1, "columns": 1, "seed": 4, "size": 64}
+    monkeypatch.setattr("reproduce.artefacts.film.paper_values", lambda name: short)
+    table = tmp_path / "report" / "film.csv"
+    world.absent(TACTILE)
+    make("film", world.results, [table])
+    assert table.read_text() == "agent,object,verdict\n" and not table.with_suffix(".mp4").exists()
+    agent = ROOT / "results" / "agents" / f"{FINGERS}-s0" / "agent.json"
+    world.runs[f"{FINGERS}-s0"] = {"role": FINGERS, "agent": str(agent), "metrics": None}
+    make("film", world.results, [table])
+    (line,) = table.read_text().splitlines()[1:]
+    name, held, verdict = line.split(",")
+    assert (name, held) == (f"{FINGERS}-s0", "cube") and verdict
+    page = build(world, tmp_path)
+    film = re.search(r'<video[^>]* src="data:video/mp4;base64,([^"]+)"', page)[1]
+    assert base64.b64decode(film) == (tmp_path / "report" / "film.mp4").read_bytes()
+    assert f"cube: {verdict}." in page
 
 
 def test_a_world_without_agents_says_so(world, tmp_path):

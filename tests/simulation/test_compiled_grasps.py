@@ -15,8 +15,8 @@ from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.compiled import grasping
 from tactile_kit.simulation.compiled.grasping import CompiledFinder, try_grasps
 from tactile_kit.simulation.config import SimulationConfig
+from tactile_kit.simulation.episode import dropped
 from tactile_kit.simulation.grasps import GraspError, Tries, draw_tries, try_grasp
-from tactile_kit.simulation.simulator import dropped
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.variants import finder_of, prepare
 

@@ -14,9 +14,10 @@ import pytest
 import randomization
 from tactile_kit.simulation import dump as dumps
 from tactile_kit.simulation.config import SimulationConfig
+from tactile_kit.simulation.episode import FULL_RANGE, MIDDLE, Status
 from tactile_kit.simulation.grasps import GraspBank
 from tactile_kit.simulation.replay import replay
-from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator, Status
+from tactile_kit.simulation.simulator import Simulator
 from tactile_kit.simulation.vector import MAX_DUMPS, Blueprint, VectorSimulation
 
 HORIZON = 10

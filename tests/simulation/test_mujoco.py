@@ -18,7 +18,8 @@ from tactile_kit.simulation.batches import finder_of
 from tactile_kit.simulation.bodies import Body
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.engines import ENGINES, engine_of
-from tactile_kit.simulation.simulator import Simulator, Status
+from tactile_kit.simulation.episode import Status
+from tactile_kit.simulation.simulator import Simulator
 from tactile_kit.simulation.world import Grasp, PhysicsFault
 from tactile_kit.simulation.worlds import world_of
 

@@ -11,7 +11,8 @@ import randomization
 from randomization import Bernoulli, Constant
 from tactile_kit.hand import kinematics
 from tactile_kit.simulation.config import SimulationConfig
-from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE, Simulator, Status, dropped
+from tactile_kit.simulation.episode import FULL_RANGE, MIDDLE, Status, dropped
+from tactile_kit.simulation.simulator import Simulator
 
 
 def with_terms(**distributions) -> randomization.Randomization:

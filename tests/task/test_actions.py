@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 
 from tactile_kit.hand.kinematics import JOINT_LOWER, JOINT_UPPER, MEAN_GRASP
-from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE
+from tactile_kit.simulation.episode import FULL_RANGE, MIDDLE
 from tactile_kit.task.actions import for_simulator, incremented, measured
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.vec_env import ReorientVecEnv

@@ -13,7 +13,7 @@ from stable_baselines3.common.env_checker import check_env as sb3_check
 
 import tactile_kit
 from tactile_kit.rotations import exp, to_6d
-from tactile_kit.simulation.simulator import FULL_RANGE, MIDDLE
+from tactile_kit.simulation.episode import FULL_RANGE, MIDDLE
 from tactile_kit.task.actions import ActionError
 from tactile_kit.task.env import ReorientEnv
 from tactile_kit.task.goals import EpisodeSpec

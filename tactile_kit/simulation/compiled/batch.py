@@ -123,22 +123,25 @@ class Batch:
         The controller carries the fingers' weight under each one's gravity. Measurements become those without noise.
         """
         now, config = self.now, self.config
-        drawn = {name: np.array([one[name] for one in physics], np.float64) for name in physics[0]}
-        kp, series, gravity = drawn["kp"], drawn["series_stiffness"], drawn["gravity"]
+
+        def drawn(name: str) -> Array:
+            return np.array([one[name] for one in physics], np.float64)
+
+        kp, series, gravity = drawn("kp"), drawn("series_stiffness"), drawn("gravity")
         ratio = series / (kp + series)
         stiffness, variant = kp * ratio, self.variant[which]
-        mass = np.maximum(self._masses[variant] + drawn["object_mass_offset"], MIN_MASS)
+        mass = np.maximum(self._masses[variant] + drawn("object_mass_offset"), MIN_MASS)
         now.mass[which], now.gravity[which], now.stiffness[which] = mass, gravity, stiffness
         now.moments[:, which] = (self._moments[variant] * mass[:, None]).T
         for name, of in (("tip", "tip_friction"), ("link", "link_friction"), ("spin", "spinning_friction")):
-            getattr(now, f"{name}_friction")[which] = drawn[of]
+            getattr(now, f"{name}_friction")[which] = drawn(of)
         now.limit[which], now.give[which] = TORQUE_LIMIT / stiffness, 1.0 - ratio
-        damping = damping_matrices(drawn["kd"] * ratio, stiffness, config.time_step)
+        damping = damping_matrices(drawn("kd") * ratio, stiffness, config.time_step)
         now.damping[..., which] = np.moveaxis(damping, 0, -1)
         weightless = gravity_torques(1.0).reshape(FINGERS, 4) @ kinematics.TENDON
         now.feedforward[..., which] = weightless[..., None] * gravity
-        now.stick[..., which] = drawn["stick_friction"].T.reshape(*JOINTS, -1)
-        now.offset[..., which] = drawn["joint_offset"].T.reshape(*JOINTS, -1)
+        now.stick[..., which] = drawn("stick_friction").T.reshape(*JOINTS, -1)
+        now.offset[..., which] = drawn("joint_offset").T.reshape(*JOINTS, -1)
         now.calm[which] = [math.exp(-config.drag_under(g) * config.time_step) for g in gravity.tolist()]
         self._measure(which)
 

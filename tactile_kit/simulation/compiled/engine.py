@@ -12,21 +12,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import randomization
+from randomization import STANDARD_GRAVITY
 from tactile_kit.hand import kinematics
 from tactile_kit.shape import MeshTable
 from tactile_kit.simulation.compiled.batch import JOINTS, Batch
 from tactile_kit.simulation.compiled.draws import Draws
-from tactile_kit.simulation.simulator import (
+from tactile_kit.simulation.episode import (
     FULL_RANGE,
     MAX_DEPTH,
     MAX_SPEED,
     MAX_SPIN,
     MIDDLE,
-    Simulator,
+    Episode,
     Status,
     dropped,
+    heed,
 )
+from tactile_kit.simulation.simulator import Simulator
 from tactile_kit.simulation.worker import FIELDS, Blueprint
 from tactile_kit.simulation.world import MAX_JOINT_SPEED
 
@@ -54,7 +56,13 @@ class CompiledSimulation:
         self._active: NDArray[np.bool_] = np.ones(environments, bool)  # whose action is finite
         self._elapsed = np.zeros(environments, np.int64)
         self._draws = Draws(blueprint.preset, environments, blueprint.horizon)
-        self._physics: list[dict[str, Any]] = [{}] * environments
+        self._physics: list[Any] = [{}] * environments
+        first, gravity = self._all[:1], STANDARD_GRAVITY
+        heed(
+            blueprint.config.engine,
+            Episode.drawn(blueprint.preset, 0, gravity, blueprint.horizon, 1).physics,
+            lambda physics: self.batch.set_physics(first, [physics]),
+        )
         self._middle, self._range = MIDDLE.reshape(*JOINTS, 1), FULL_RANGE.reshape(*JOINTS, 1)
 
     # -- episodes -----------------------------------------------------------------------------------------------------
@@ -77,10 +85,11 @@ class CompiledSimulation:
                 strict=True,
             )
         ):
-            self._physics[e] = {**self.blueprint.preset.draw("episode", seed), "gravity": gravity}
-            self._draws.begin(e, seed)
-            own = int(randomization.stream(seed, "grasp").integers(bank.count(variant)))
-            grasps[number] = bank.start[variant] + own
+            blueprint = self.blueprint
+            episode = Episode.drawn(blueprint.preset, seed, gravity, blueprint.horizon, bank.count(variant))
+            self._physics[e] = episode.physics
+            self._draws.begin(e, episode)
+            grasps[number] = bank.start[variant] + episode.grasp
         joints = bank.joints[grasps][:, kinematics.DRIVEN_INDEX]
         self.batch.place(
             which, variants, joints, bank.command[grasps], bank.position[grasps], bank.rotation[grasps]

@@ -82,9 +82,9 @@ class MujocoWorld:
         self.data = self._mujoco.MjData(model)
         self._mujoco.mj_setConst(model, self.data)
         # of it only the series spring is used, for what the motor's side measures
-        self.controller = ImpedanceController(impedance, settings.time_step, self.physics["gravity"])
+        self.controller = ImpedanceController(impedance, settings.time_step, physics["gravity"])
         self._offset = np.asarray(physics["joint_offset"], dtype=np.float64)
-        self.set_gravity(float(self.physics["gravity"]))
+        self.set_gravity(float(physics["gravity"]))
 
     def _drive(self, impedance: Impedance, stick: Array) -> None:
         """The controller's gains and the joints' dry friction ``(12,)`` Nm."""
