@@ -22,7 +22,7 @@ class PPOConfig(Settings):
     """PPO as it turns objects on two cores; what the paper's website page says instead is the preset `ppo-paper`."""
 
     rollout: PositiveInt = Field(32, description="Vector steps between updates (the paper's T).")
-    minibatch: PositiveInt = Field(4096, description="Transitions a gradient step.")
+    minibatch: PositiveInt = Field(2048, description="Transitions a gradient step.")
     epochs: PositiveInt = Field(2, description="Passes over a roll-out.")
     learning_rate: PositiveFloat = Field(1e-4, description="At the start; then adapted on the KL divergence.")
     learning_rate_bounds: tuple[PositiveFloat, PositiveFloat] = (1e-6, 1e-2)

@@ -35,7 +35,7 @@ class GravityConfig(Settings):
 
     start: float = Field(0.1, gt=0, le=20, description="m/s^2 at step 0.")
     end: float = Field(9.81, gt=0, le=20, description="m/s^2 from ``steps`` on.")
-    steps: int = Field(20_000_000, ge=0)
+    steps: int = Field(8_000_000, ge=0)
     drops: float = Field(0.22, gt=0, le=1, description="Share of drops up to which it goes on.")
     geometric: bool = Field(True, description="By equal factors instead of equal steps.")
 
@@ -86,7 +86,7 @@ class RunConfig(Settings):
     kind: Literal["oracle", "tactile"] = "oracle"
     seed: int = Field(0, ge=0)
     steps: PositiveInt = Field(100_000_000, description="Environment steps, summed over all environments.")
-    num_envs: PositiveInt = 1024
+    num_envs: PositiveInt = 256
     num_workers: PositiveInt = 2
     threads: PositiveInt = Field(2, description="Threads of the learner; part of what decides its rounding.")
     matmul_precision: Literal["highest", "high", "medium"] = "medium"

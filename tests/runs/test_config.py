@@ -48,7 +48,7 @@ def test_the_recipe_is_what_is_done_by_default() -> None:
     assert config == RunConfig() == RunConfig.preset("ppo-compiled")
     played = config.played
     assert (played.simulation.engine, played.simulation.drag, played.action) == ("compiled", 20, "increment")
-    assert config.gravity.at(0) == 0.1 and config.gravity.at(20_000_000) == 9.81
+    assert config.gravity.at(0) == 0.1 and config.gravity.at(8_000_000) == 9.81
 
 
 def test_short_forms_are_the_tasks() -> None:
