@@ -283,7 +283,6 @@ def measure_sensitivity(
     goals_per_case: Annotated[int, arg(metavar="N")] = 8,
     seed: Annotated[int, arg(metavar="S")] = 0,
     num_workers: int = 1,
-    json: Json = False,
 ) -> int:
     """Evaluate a tactile agent with one term of the randomisation at a time off, and twice as wide.
 
@@ -297,7 +296,6 @@ def measure_sensitivity(
         goals_per_case: How many of the 24 goals each object is given.
         seed: Of the evaluation, as in evaluate.
         num_workers: Processes that simulate.
-        json: No table, the JSON object alone.
     """
     from object_sets.storage import check_file_writable
     from reproduce.sensitivity import measure_to
@@ -311,7 +309,7 @@ def measure_sensitivity(
         agent, out, only=names, objects=objects, goals_per_case=goals_per_case, seed=seed, num_workers=num_workers,
         progress=report,
     )  # fmt: skip
-    tell({"episodes": count, "out": str(out)}, json)
+    print(dumps({"episodes": count, "out": str(out)}))
     return 0
 
 

@@ -16,6 +16,7 @@ import pytest
 from reproduce import owner
 from reproduce.errors import BusyError
 from reproduce.files import ROOT
+from reproduce.plan import FIGURES
 
 pytestmark = pytest.mark.slow
 
@@ -42,13 +43,10 @@ def stamps(out: Path) -> dict[str, int]:
 
 WANTED = {
     *(f"tables/{name}.{suffix}" for name in ("table1", "table2") for suffix in ("csv", "tex")),
-    *(
-        f"figures/{name}.{suffix}"
-        for name in ("object_sets", "learning", "violin", "success", "complex", "extent", "confusion")
-        for suffix in ("svg", "png", "csv")
-    ),
+    *(f"figures/{name}.{suffix}" for name in FIGURES for suffix in ("svg", "png", "csv")),
     "claims.csv",
     "report/index.html",
+    "report/film.csv",
 }
 
 

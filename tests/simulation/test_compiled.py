@@ -308,12 +308,9 @@ def test_draws_are_those_of_bullets_episodes(play):
         pushes = compiled._draws.pushes(elapsed)
         for e, simulator in enumerate(bullet.simulators):
             np.testing.assert_array_equal(noise[e], simulator.noise(step).ravel().astype(np.float32))
-            assert sticky[e] == simulator._steps["sticky_action"][step]
-            simulator._disturb(step / 10)
-            for name in ("force", "torque"):
-                np.testing.assert_array_equal(
-                    pushes[name][e], simulator._intervals[name][simulator._interval[name]]
-                )
+            assert sticky[e] == simulator.episode.sticky[step]
+            for name, at in simulator.episode.pushed(step).items():
+                np.testing.assert_array_equal(pushes[name][e], simulator.episode.pushes[name][at])
 
 
 def test_in_thick_air_things_sink_slowly(play):

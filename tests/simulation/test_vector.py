@@ -79,7 +79,7 @@ def test_an_exception_in_a_worker_reaches_the_caller_with_its_traceback(build) -
 
 def test_an_exception_while_workers_start_leaves_none_behind(bodies, bank) -> None:
     before = children()
-    broken = Blueprint(SimulationConfig(), bodies, bank, "no randomisation", 4)
+    broken = Blueprint("no settings", bodies, bank, randomization.preset("none"), 4)
     with pytest.raises(WorkerError, match=r"(?s)Traceback.*AttributeError"):
         VectorSimulation(broken, 2, 2)
     assert children() == before
