@@ -178,3 +178,11 @@ def percent(value: float, digits: int = 0) -> str:
     """0.123 -> '12 %'. Never '-0 %'."""
     text = f"{100 * value:.{digits}f}"
     return f"{text.lstrip('-') if float(text) == 0 else text} %"
+
+
+def range_of(cells: Iterable[Cell]) -> str:
+    """How many samples are behind these cells, in words: ``48 to 624``, or ``No`` where there is none."""
+    counts = sorted({cell.n for cell in cells if cell.n})
+    if not counts:
+        return "No"
+    return str(counts[0]) if counts[0] == counts[-1] else f"{counts[0]} to {counts[-1]}"

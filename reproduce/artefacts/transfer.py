@@ -7,7 +7,7 @@ from pathlib import Path
 
 from reproduce.artefacts.success import TRANSFER_COLOUR
 from reproduce.bars import bar
-from reproduce.cells import Cell, paper_values, rate_cell, write_cells
+from reproduce.cells import Cell, paper_values, range_of, rate_cell, write_cells
 from reproduce.inventory import TRANSFER, TRANSFERRED
 from reproduce.results import Results
 from reproduce.style import ORACLE, TACTILE, figure, footnote, save, steps_text
@@ -49,15 +49,8 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     made.legend(loc="outside upper right", ncols=3, fontsize=7.5)
     footnote(
         made,
-        f"Scale {results.scale}. {_range(cells)} episodes a bar, 95 % Wilson intervals. Objects 0-12, full gravity, the"
-        " same randomisation, goals and grasping heuristic in both.",
+        f"Scale {results.scale}. {range_of(cells)} episodes a bar, 95 % Wilson intervals. Objects 0-12, full gravity,"
+        " the same randomisation, goals and grasping heuristic in both.",
     )
     save(made, outputs)
     write_cells(outputs[2], cells)
-
-
-def _range(cells: Sequence[Cell]) -> str:
-    counts = sorted({cell.n for cell in cells if cell.n})
-    if not counts:
-        return "No"
-    return str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reproduce.cells import Cell, empty_cell, estimate_cell, paper_values, write_cells
+from reproduce.cells import Cell, empty_cell, estimate_cell, paper_values, range_of, write_cells
 from reproduce.inventory import ORACLE, TACTILE
 from reproduce.labels import object_label, paper_objects
 from reproduce.results import Results
@@ -72,20 +72,13 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     axes.set_xlim(-0.6, len(objects) - 0.4)
     axes.set_ylabel("final angle to the goal (rad)")
     made.legend(loc="outside upper right", ncols=2)
-    count = sorted({cell.n for cell in cells if cell.n})
     footnote(
         made,
-        f"Scale {results.scale}. {_range(count)} episodes a half violin (the paper: 1536). Lumps at the top: angles"
+        f"Scale {results.scale}. {range_of(cells)} episodes a half violin (the paper: 1536). Lumps at the top: angles"
         " over 1.5 rad and drops, with their share in %.",
     )
     save(made, outputs)
     write_cells(outputs[2], cells)
-
-
-def _range(counts: Sequence[int]) -> str:
-    if not counts:
-        return "No"
-    return str(counts[0]) if counts[0] == counts[-1] else f"{counts[0]} to {counts[-1]}"
 
 
 def lost(row: EpisodeRow, cutoff: float) -> bool:

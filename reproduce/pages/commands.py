@@ -19,7 +19,7 @@ from reproduce.pages.markdown import table
 
 HEAD = """# Commands
 
-<!-- Made from the code by `make docs`; edit the docstrings of reproduce/cli.py and object_sets/commands/ instead. -->
+<!-- Made from the code by `make docs`; edit the docstrings of the commands instead. -->
 
 Two commands are installed. `--help` after any of them says the same in the terminal. Progress goes to stderr, results
 to stdout; errors are one line and exit status 2, Ctrl-C and SIGTERM end cleanly (130, 143).
