@@ -104,7 +104,9 @@ def lead(results: Path) -> str:
     if oracles:
         names = " and ".join(name.removeprefix("Oracle ") for name in oracles)
         said += f", and agents that are told the pose ({names}) reach the paper's rates"
-    cost = f"; learning to feel took {hours:.1f} hours on two CPU cores, without a GPU" if hours else ""
+    cost = (
+        f"; the trainings behind it took {hours:.1f} hours on two CPU cores, without a GPU" if hours else ""
+    )
     return f"{said}{cost}.**"
 
 
