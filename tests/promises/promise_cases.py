@@ -36,9 +36,9 @@ def settings(kind: str, steps: int, **changes) -> RunConfig:
     return RunConfig.preset("ppo-smoke", {**base, **changes})
 
 
-# The recipe that ships, all that it uses switched on: steps of the filtered command, correlated noise, gravity that waits,
-# lessons, stages of a tactile agent, a critic that sees the truth. Thick air is the compiled physics' own; the paper's cell
-# learns in Bullet, the one that looks from the fingers in the compiled physics.
+# The recipe that ships, all that it uses switched on: steps of the filtered command, correlated noise, gravity that
+# waits, lessons, stages of a tactile agent, a critic that sees the truth. Thick air is the compiled physics' own; the
+# paper's cell learns in Bullet, the one that looks from the fingers in the compiled physics.
 TEACHER = str(Path(__file__).parents[2] / "results/agents/oracle-vec_bps-geometric8-s0")
 TAUGHT, FIXED, CRITIC = (
     240,

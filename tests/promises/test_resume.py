@@ -10,8 +10,8 @@ import pytest
 import torch
 from promise_cases import CRITIC, FIXED, RECIPE, TAUGHT, environment, settings
 
-from tactile_kit.runs import read_metrics, train, training
 from tactile_kit.runs import checkpoint as checkpoints
+from tactile_kit.runs import read_metrics, train, training
 
 CLOCK = {"hours", "steps_per_second"}
 HALF = 192  # environment steps: checkpoints within both halves, and roll-outs of the estimator that are cut by them
