@@ -108,7 +108,7 @@ class Run:
         settled = settled and self.learner.leads and not rho
         self.calm.look(settled, self.learner.num_timesteps, self.tracker.episodes, self.tracker.successes)
         if self.calm.log_std is not None:
-            self.learner.log_std = self.calm.log_std
+            self.learner.ceiling = self.calm.log_std
         if hasattr(self.env, "slow"):
             self.env.slow(self.calm.slowed)
 

@@ -65,7 +65,7 @@ def test_sigma_is_kept_under_its_ceiling() -> None:
     learner = PPO(ToyEnv(8, seed=1), PPO_TOY, seed=0)
     run(learner, 2)
     assert learner.policy.actor.log_std.mean().item() == pytest.approx(-0.5, abs=0.05)
-    learner.log_std = -3.0
+    learner.ceiling = -3.0
     run(learner, 1)
     assert learner.policy.actor.log_std.mean().item() == pytest.approx(-3.0, abs=0.05)
 
