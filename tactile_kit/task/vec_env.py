@@ -24,7 +24,7 @@ from tactile_kit.task.core import Core
 from tactile_kit.task.episodes import Episodes
 from tactile_kit.task.goals import EpisodeSpec
 from tactile_kit.task.observation import Belief
-from tactile_kit.task.reward import terms_of_angles
+from tactile_kit.task.reward import reward_terms
 from tactile_kit.task.state import EpisodeResult, State, Transition
 from tactile_kit.task.variants import Variants, prepare
 
@@ -204,7 +204,7 @@ class ReorientVecEnv(VecEnv):
         truncated = status == Status.TIME
         terminated = (status == Status.DROP) | (status == Status.FAULT)
         theta_before, self._theta = self._theta, geodesic(state.R, state.goal)
-        terms = terms_of_angles(
+        terms = reward_terms(
             self.config.reward, theta_before, self._theta, x_before, state.x, state.x0, views["q"], terminated
         )
         reward = np.sum(list(terms.values()), axis=0).astype(np.float32)
