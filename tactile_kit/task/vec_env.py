@@ -109,11 +109,13 @@ class ReorientVecEnv(VecEnv):
         """Go on with the episodes that were announced when the state was taken, from the next ``reset`` on.
 
         Raises:
-            ValueError: the state is of another number of environments.
+            ValueError: the state is of another number of environments, or of episodes before the first.
         """
         numbers = np.asarray(arrays["next_episode"], np.int64)
         if numbers.shape != (self.num_envs,):
             raise ValueError(f"state of {numbers.size} environments: allowed are {self.num_envs}")
+        if numbers.min() < 0:
+            raise ValueError(f"next episode {numbers.min()}: allowed are 0 and more")
         self.episodes.reseed(self.episodes.seed, numbers)
 
     def _begin(self, mask: Array) -> None:
