@@ -100,7 +100,9 @@ def test_ppos_noise_is_as_correlated_and_as_large_as_asked() -> None:
     learner.collect_rollouts(learner.env, tracker, learner.rollout_buffer, 128)
     buffer = learner.rollout_buffer
     with torch.no_grad():
-        means = learner.policy.moments_and_values(torch.from_numpy(buffer.observations).flatten(0, 1))[0]
+        means = learner.policy.heads(
+            learner.policy.norm(torch.from_numpy(buffer.observations).flatten(0, 1))
+        )[0]
     sigma = learner.policy.actor.log_std.detach().exp()
     noise = (torch.from_numpy(buffer.actions) - means.reshape(128, 64, -1))[
         40:
