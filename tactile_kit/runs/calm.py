@@ -26,7 +26,9 @@ class CalmConfig(Settings):
     )
     patience: PositiveInt = Field(5_000_000, description="Environment steps of a span.")
     gain: float = Field(0.005, ge=0, le=1, description="Least rise of success from one span to the next.")
-    floor: float = Field(0.1, ge=0, le=1, description="Success below which no level is left: learning has not begun.")
+    floor: float = Field(
+        0.1, ge=0, le=1, description="Success below which no level is left: learning has not begun."
+    )
 
     @model_validator(mode="after")
     def _falls(self) -> CalmConfig:
