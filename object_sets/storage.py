@@ -18,6 +18,7 @@ import numpy as np
 from object_sets.errors import DataError, ObjectSetError
 
 UNPACKED = 512 * 2**20  # bytes an npz may unpack to
+SEAL = "digest"  # name of the digest among the arrays of a sealed file
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip can hold
 
 
@@ -49,7 +50,7 @@ def read_npz(data: bytes, file: object) -> dict[str, np.ndarray]:
             for member in archive.infolist():
                 arrays[member.filename.removesuffix(".npy")] = _array(archive.read(member))
     except Exception as error:  # zipfile and zlib raise a dozen kinds on broken input
-        raise DataError(f"{file}: no readable npz ({error}); build the set again") from error
+        raise DataError(f"{file}: no readable npz ({error})") from error
     return arrays
 
 
@@ -64,6 +65,36 @@ def _array(data: bytes) -> np.ndarray:
     if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != len(data) - stream.tell():
         raise ValueError(f"an array of shape {shape} in {len(data)} bytes")
     return np.frombuffer(data, dtype, offset=stream.tell()).reshape(shape).copy()
+
+
+def sealed(arrays: Mapping[str, np.ndarray], name: str) -> bytes:
+    """``npz_bytes`` of the arrays and of a digest of them and of ``name``, what the file is called: for a cache."""
+    return npz_bytes({**arrays, SEAL: np.frombuffer(_seal(arrays, name), np.uint8)})
+
+
+def read_sealed(path: Path) -> dict[str, np.ndarray] | None:
+    """The arrays that were written to ``path`` by ``sealed`` under its stem; None where there is no such file.
+
+    Raises ``DataError`` naming the file where one bit is not as it was written, or it is another's. Raises OSError.
+    """
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        return None
+    arrays = read_npz(data, path)
+    seal = arrays.pop(SEAL, np.zeros(0, np.uint8))
+    if seal.tobytes() != _seal(arrays, path.stem):
+        raise DataError(f"{path}: does not match its digest")
+    return arrays
+
+
+def _seal(arrays: Mapping[str, np.ndarray], name: str) -> bytes:
+    state = hashlib.sha256(name.encode())
+    for key in sorted(arrays):
+        array = np.asarray(arrays[key], order="C")
+        state.update(f"|{key}|{array.dtype.str}{array.shape}|".encode())
+        state.update(array.tobytes())
+    return state.digest()
 
 
 def json_bytes(content: Any) -> bytes:
