@@ -22,6 +22,7 @@ from object_sets.objects import content_digest
 from object_sets.storage import (
     cache_directory,
     json_bytes,
+    npz_bytes,
     read_npz,
     read_sealed,
     sealed,

@@ -162,7 +162,8 @@ def _known(finder: Finder, choice: Sequence[Object]) -> Found | None:
         found = _cached(finder, thing)
         if found is None or found.bank is not None:
             return found
-    raise _none_of(choice, found)
+        refused = found.refused
+    raise _none_of(choice, refused)
 
 
 def _cached(finder: Finder, thing: Object) -> Found | None:
@@ -205,7 +206,8 @@ def settle(finder: Finder, choice: Sequence[Object]) -> Found:
         found = _cached(finder, thing) or _searched(finder, thing)  # another process may have been faster
         if found.bank is not None:
             return found
-    raise _none_of(choice, found)
+        refused = found.refused
+    raise _none_of(choice, refused)
 
 
 def _searched(finder: Finder, thing: Object) -> Found:
@@ -232,13 +234,12 @@ def _refusal(path: Path) -> Path:
     return path.with_name(f"{path.stem}.refused.npz")
 
 
-def _none_of(choice: Sequence[Object], last: Found) -> GraspError:
+def _none_of(choice: Sequence[Object], last: str) -> GraspError:
+    """What to raise where none of ``choice`` can be held; ``last``: why not the last one."""
     if len(choice) == 1:
-        return GraspError(last.refused, choice[0].name)
-    return GraspError(
-        f"{choice[0].name}: none of {len(choice)} sizes can be held; the last one: {last.refused}",
-        choice[0].name,
-    )
+        return GraspError(last, choice[0].name)
+    said = f"{choice[0].name}: none of {len(choice)} sizes can be held; the last one: {last}"
+    return GraspError(said, choice[0].name)
 
 
 def _stacked(grasps: Sequence[Grasp]) -> dict[str, np.ndarray]:
