@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import torch
@@ -22,6 +23,8 @@ from tactile_kit.settings import explain
 if TYPE_CHECKING:
     from tactile_kit.task.config import TaskConfig
     from tactile_kit.task.variants import Variants
+
+Module = TypeVar("Module", bound=torch.nn.Module)
 
 
 @dataclass
@@ -134,12 +137,9 @@ def load_agent(directory: str | Path) -> Agent:
     except ValidationError as problem:
         raise AgentError(f"{directory / 'agent.json'}: task: {explain(problem)}") from None
     layout = InputLayout.of_encoding(manifest.layout, kind_of(manifest.encoding))
-    policy = build_policy(layout, manifest.network)
-    fill(
-        policy,
-        read_tensors(directory / "policy.safetensors", manifest.weights["policy.safetensors"]),
-        directory,
-    )
+    path = directory / "policy.safetensors"
+    tensors = read_tensors(path, manifest.weights[path.name], owner=manifest.identity)
+    policy = filled(partial(build_policy, layout, manifest.network), tensors, directory)
     estimator = None
     if manifest.kind == "tactile":
         estimator = load_estimator(directory, manifest)
@@ -147,30 +147,44 @@ def load_agent(directory: str | Path) -> Agent:
 
 
 def build_policy(layout: InputLayout, network: PolicyNetwork) -> GaussianPolicy:
-    """An actor of that layout and size; its initial weights come from no global generator."""
+    """An actor of that layout and size."""
     space = spaces.Box(-np.inf, np.inf, (layout.size,), np.float32)
-    with torch.random.fork_rng(devices=[]):
-        return GaussianPolicy(
-            ObservationFeatures(space, layout),
-            network.actions,
-            network.layers,
-            squashed=network.squashed,
-        )
+    return GaussianPolicy(
+        ObservationFeatures(space, layout),
+        network.actions,
+        network.layers,
+        squashed=network.squashed,
+    )
 
 
-def fill(module: torch.nn.Module, tensors: dict[str, torch.Tensor], where: Path) -> None:
-    """Load weights, every name and shape as expected and every number finite, or raise AgentError."""
+def filled(build: Callable[[], Module], tensors: dict[str, torch.Tensor], where: Path) -> Module:
+    """What ``build`` makes, with these weights: every name and shape as expected and every number finite.
+
+    It is first built without memory, so that no size is allocated that is not in the weights; its initial weights come
+    from no global generator. Raises AgentError.
+    """
     for name, tensor in tensors.items():
         if tensor.is_floating_point() and not torch.isfinite(tensor).all():
             raise AgentError(f"{where}: weight {name!r} holds NaN or infinity")
-    wanted = module.state_dict()
-    for name, tensor in tensors.items():
-        if name in wanted and wanted[name].dtype != tensor.dtype:
-            raise AgentError(f"{where}: weight {name!r} is {tensor.dtype}, expected {wanted[name].dtype}")
-    try:
-        module.load_state_dict(tensors)
-    except RuntimeError as problem:
-        raise AgentError(f"{where}: weights do not fit the network of agent.json: {problem}") from None
+    with torch.random.fork_rng(devices=[]):
+        try:
+            with torch.device("meta"):
+                wanted = build().state_dict()
+        except RuntimeError as problem:  # more numbers than any machine has
+            raise AgentError(f"{where}: no network can be built as agent.json says: {problem}") from None
+        for name in [*wanted, *tensors]:
+            found, expected = _kind(tensors.get(name)), _kind(wanted.get(name))
+            if found != expected:
+                raise AgentError(
+                    f"{where}: weights do not fit the network of agent.json: {name!r} is {found}, expected {expected}"
+                )
+        module = build()
+    module.load_state_dict(tensors)
+    return module
+
+
+def _kind(tensor: torch.Tensor | None) -> str:
+    return "not there" if tensor is None else f"{tuple(tensor.shape)} {tensor.dtype}"
 
 
 def load_estimator(directory: Path, manifest: Manifest):
@@ -185,10 +199,9 @@ def load_estimator(directory: Path, manifest: Manifest):
         config = EstimatorConfig(**manifest.estimator)
     except ValidationError as problem:
         raise AgentError(f"{directory / 'agent.json'}: estimator: {explain(problem)}") from None
-    with torch.random.fork_rng(devices=[]):
-        try:
-            cell = cell_of(config, kind_of(config.encoding or manifest.encoding))
-        except EstimatorError as problem:
-            raise AgentError(f"{directory / 'agent.json'}: {problem}") from None
-    fill(cell, read_tensors(path, manifest.weights[path.name]), path)
-    return cell.eval()
+    tensors = read_tensors(path, manifest.weights[path.name], owner=manifest.identity)
+    build = partial(cell_of, config, kind_of(config.encoding or manifest.encoding))
+    try:
+        return filled(build, tensors, path).eval()
+    except EstimatorError as problem:
+        raise AgentError(f"{directory / 'agent.json'}: {problem}") from None
