@@ -158,3 +158,9 @@ def test_lines_after_the_checkpoint_go_and_tensorboard_shows_one_curve(tmp_path:
     assert board.Tags()["scalars"] == ["training/success", "evaluation/success_rate"]
     points = [(event.step, event.value) for event in board.Scalars("training/success")]
     assert points == [(1, 1.0), (2, 2.0), (3, pytest.approx(3.2)), (4, pytest.approx(4.2))]
+
+
+def test_a_log_on_a_full_disk_ends_nothing() -> None:
+    code = "import os; from tactile_kit.progress import Counter; Counter(10).say('a line'); os._exit(7)"
+    with open("/dev/full", "wb") as full:
+        assert subprocess.run([sys.executable, "-c", code], stderr=full, check=False).returncode == 7
