@@ -3,8 +3,8 @@
 ``python tests/promises/soak.py HOURS [--seed N]``; the last line on stdout is JSON. The run directory lies on a small
 file system of its own (``unshare`` of util-linux). The clock that jumps is the one a training asks (``time.time`` and
 what is made of it), for the machine's own is not ours to set. A run that has reached its steps is held against the same
-run in peace, byte for byte, and the next one begins. What is trained is the toy task of the tests: its saves follow each
-other as closely as they can, so that most of what happens hits one.
+run in peace, byte for byte, and the next one begins. What is trained is the toy task of the tests: its saves follow
+each other as closely as they can, so that most of what happens hits one.
 """
 
 from __future__ import annotations
