@@ -18,6 +18,7 @@ import numpy as np
 from object_sets.errors import DataError, ObjectSetError
 
 UNPACKED = 512 * 2**20  # bytes an npz may unpack to
+NUMBERS = "biuf"  # kinds of NumPy's types
 SEAL = "digest"  # name of the digest among the arrays of a sealed file
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip can hold
 
@@ -36,8 +37,8 @@ def npz_bytes(arrays: Mapping[str, np.ndarray]) -> bytes:
     return buffer.getvalue()
 
 
-def read_npz(data: bytes, file: object) -> dict[str, np.ndarray]:
-    """The arrays of an npz of this package.
+def read_npz(data: bytes, file: object, kinds: str = NUMBERS) -> dict[str, np.ndarray]:
+    """The arrays of an npz of this package, of numbers or of the ``kinds`` of NumPy's types.
 
     Raises ``DataError`` naming ``file`` when it is none, asks for pickle, or unpacks to far more than it holds.
     """
@@ -48,23 +49,24 @@ def read_npz(data: bytes, file: object) -> dict[str, np.ndarray]:
             if unpacked > UNPACKED:
                 raise ValueError(f"unpacks to {unpacked / 2**20:.0f} MiB; allowed are {UNPACKED // 2**20}")
             for member in archive.infolist():
-                arrays[member.filename.removesuffix(".npy")] = _array(archive.read(member))
+                arrays[member.filename.removesuffix(".npy")] = _array(archive.read(member), kinds)
     except Exception as error:  # zipfile and zlib raise a dozen kinds on broken input
         raise DataError(f"{file}: no readable npz ({error})") from error
     return arrays
 
 
-def _array(data: bytes) -> np.ndarray:
-    """One npy of numbers. Its header is held against its length before any memory is asked for."""
+def _array(data: bytes, kinds: str) -> np.ndarray:
+    """One npy. Its header is held against its length before any memory is asked for."""
     stream = io.BytesIO(data)
     if np.lib.format.read_magic(stream) != (1, 0):
         raise ValueError("npy of an unknown version")
     shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
-    if dtype.hasobject or dtype.kind not in "biuf" or fortran:
+    if dtype.hasobject or dtype.kind not in kinds:
         raise ValueError(f"an array of type {dtype} where plain numbers are expected")
     if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != len(data) - stream.tell():
         raise ValueError(f"an array of shape {shape} in {len(data)} bytes")
-    return np.frombuffer(data, dtype, offset=stream.tell()).reshape(shape).copy()
+    flat = np.frombuffer(data, dtype, offset=stream.tell())
+    return flat.reshape(shape, order="F" if fortran else "C").copy()
 
 
 def sealed(arrays: Mapping[str, np.ndarray], name: str) -> bytes:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from reproduce.errors import ReproduceError
+from tactile_kit import files
 from tactile_kit.files import read_text, write_atomically
 
 CODE = Path(__file__).resolve().parent.parent  # what the packages are in: a checkout, or site-packages
@@ -34,13 +35,7 @@ def write_if_changed(path: str | os.PathLike, content: str) -> bool:
 
 def read_yaml(path: str | os.PathLike) -> Any:
     """A YAML file's content; ``ReproduceError`` names the file and line where it is malformed or missing."""
-    import yaml
-
-    text = read_text(Path(path), ReproduceError)
-    try:
-        return yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise ReproduceError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
+    return files.read_yaml(Path(path), ReproduceError)
 
 
 def dump_yaml(value: Any) -> str:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 MOST_TEXT = 256 * 2**20  # bytes of a text that is read at once
+# beside its own errors, what PyYAML raises for values that are not what their tag says (``!!int ""``, ``!!bool x``)
+YAML_RAISES = (ValueError, LookupError, AttributeError, TypeError, OverflowError, RecursionError)
 OWNER = "owner"  # among what a safetensors file says of itself
 
 
@@ -116,11 +118,26 @@ def read_text(path: Path, error: type[ValueError], what: str = "file") -> str:
         raise error(f"{path}: no text in UTF-8 ({problem})") from None
 
 
+def read_yaml(path: Path, error: type[ValueError]) -> Any:
+    """What plain YAML in ``path`` says; raises ``error`` naming the file."""
+    import yaml
+
+    text = read_text(path, error)
+    try:
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, *YAML_RAISES) as problem:
+        raise error(f"{path}: not plain YAML: {' '.join(str(problem).split())}") from None
+
+
+def _refused(constant: str) -> None:
+    raise ValueError(f"{constant} is no number")
+
+
 def read_json(path: Path, error: type[ValueError] = AgentError) -> dict[str, Any]:
     """A JSON object from ``path``; raises ``error`` naming the file."""
     text = read_text(path, error)
     try:
-        value = json.loads(text)
+        value = json.loads(text, parse_constant=_refused)
     except (ValueError, RecursionError) as problem:
         raise error(f"{path}: not JSON ({problem})") from None
     if not isinstance(value, dict):
@@ -155,14 +172,7 @@ def read_tensors(
     try:
         tensors = safetensors.torch.load(data)
         said = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")]).get("__metadata__", {}).get(OWNER)
-    except (
-        safetensors.SafetensorError,
-        ValueError,
-        KeyError,
-        TypeError,
-        RuntimeError,
-        RecursionError,
-    ) as failure:
+    except (safetensors.SafetensorError, ValueError, LookupError, TypeError, RuntimeError) as failure:
         raise error(f"{candidate}: not a safetensors file ({failure})") from None
     if owner and said not in (None, owner):
         raise error(

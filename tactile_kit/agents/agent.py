@@ -127,7 +127,6 @@ def load_agent(directory: str | Path) -> Agent:
     Networks are rebuilt from agent.json and filled from safetensors whose digests it names; nothing is unpickled.
     Raises AgentError naming file and reason when something is missing, damaged, newer or does not fit.
     """
-    from tactile_kit.shape import kind_of
     from tactile_kit.task.config import TaskConfig
 
     directory = Path(directory)
@@ -136,7 +135,7 @@ def load_agent(directory: str | Path) -> Agent:
         task = TaskConfig(**manifest.task)
     except ValidationError as problem:
         raise AgentError(f"{directory / 'agent.json'}: task: {explain(problem)}") from None
-    layout = InputLayout.of_encoding(manifest.layout, kind_of(manifest.encoding))
+    layout = InputLayout.of_encoding(manifest.layout, _encoding(manifest.encoding, directory))
     path = directory / "policy.safetensors"
     tensors = read_tensors(path, manifest.weights[path.name], owner=manifest.identity)
     policy = filled(partial(build_policy, layout, manifest.network), tensors, directory)
@@ -144,6 +143,15 @@ def load_agent(directory: str | Path) -> Agent:
     if manifest.kind == "tactile":
         estimator = load_estimator(directory, manifest)
     return Agent(directory, manifest, task, policy.eval(), estimator)
+
+
+def _encoding(name: str, directory: Path) -> Any:
+    from tactile_kit.shape import kind_of
+
+    try:
+        return kind_of(name)
+    except ValueError as problem:
+        raise AgentError(f"{directory / 'agent.json'}: {problem}") from None
 
 
 def build_policy(layout: InputLayout, network: PolicyNetwork) -> GaussianPolicy:
@@ -163,9 +171,6 @@ def filled(build: Callable[[], Module], tensors: dict[str, torch.Tensor], where:
     It is first built without memory, so that no size is allocated that is not in the weights; its initial weights come
     from no global generator. Raises AgentError.
     """
-    for name, tensor in tensors.items():
-        if tensor.is_floating_point() and not torch.isfinite(tensor).all():
-            raise AgentError(f"{where}: weight {name!r} holds NaN or infinity")
     with torch.random.fork_rng(devices=[]):
         try:
             with torch.device("meta"):
@@ -178,6 +183,9 @@ def filled(build: Callable[[], Module], tensors: dict[str, torch.Tensor], where:
                 raise AgentError(
                     f"{where}: weights do not fit the network of agent.json: {name!r} is {found}, expected {expected}"
                 )
+        for name, tensor in tensors.items():
+            if tensor.is_floating_point() and not torch.isfinite(tensor).all():
+                raise AgentError(f"{where}: weight {name!r} holds NaN or infinity")
         module = build()
     module.load_state_dict(tensors)
     return module
@@ -190,7 +198,6 @@ def _kind(tensor: torch.Tensor | None) -> str:
 def load_estimator(directory: Path, manifest: Manifest):
     """The estimator cell of a tactile agent's directory; raises AgentError."""
     from tactile_kit.estimator import EstimatorConfig, EstimatorError, cell_of
-    from tactile_kit.shape import kind_of
 
     path = directory / "estimator.safetensors"
     if manifest.estimator is None or path.name not in manifest.weights:
@@ -200,7 +207,7 @@ def load_estimator(directory: Path, manifest: Manifest):
     except ValidationError as problem:
         raise AgentError(f"{directory / 'agent.json'}: estimator: {explain(problem)}") from None
     tensors = read_tensors(path, manifest.weights[path.name], owner=manifest.identity)
-    build = partial(cell_of, config, kind_of(config.encoding or manifest.encoding))
+    build = partial(cell_of, config, _encoding(config.encoding or manifest.encoding, directory))
     try:
         return filled(build, tensors, path).eval()
     except EstimatorError as problem:

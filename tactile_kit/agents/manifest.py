@@ -106,6 +106,6 @@ def read_manifest(directory: Path) -> Manifest:
         manifest._identity = identity_of(data)
     except ValidationError as problem:
         raise AgentError(f"{path}: {explain(problem)}") from None
-    except (TypeError, ValueError) as problem:
+    except (TypeError, ValueError, RecursionError) as problem:
         raise AgentError(f"{path}: {problem}") from None
     return manifest

@@ -15,7 +15,7 @@ from tactile_kit.agents.config import PPOConfig
 from tactile_kit.ecrl.config import ECRLConfig
 from tactile_kit.errors import ConfigError, nearest
 from tactile_kit.estimator.config import EstimatorConfig
-from tactile_kit.files import read_text
+from tactile_kit.files import read_yaml
 from tactile_kit.runs.calm import CalmConfig
 from tactile_kit.settings import Settings, explain, merge, short
 from tactile_kit.task.config import RewardConfig, TaskConfig
@@ -218,11 +218,7 @@ def presets() -> dict[str, Path]:
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:
-    text = read_text(path, ConfigError)
-    try:
-        data = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError, RecursionError) as problem:
-        raise ConfigError(f"{path}: not plain YAML: {problem}") from None
+    data = read_yaml(path, ConfigError)
     if data is None:
         raise ConfigError(f"{path}: is empty; expected keys and values, at the least a preset")
     if not isinstance(data, dict):

@@ -188,5 +188,5 @@ def read_metrics(directory: str | Path) -> list[dict[str, Any]]:
 def _step_of(line: bytes) -> float:
     try:
         return float(json.loads(line)["step"])
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return math.inf  # cut short
