@@ -19,7 +19,16 @@ import numpy as np
 from object_sets.errors import DataError, DecompositionError, ObjectSetError
 from object_sets.limits import GIB, Limits, out_of_memory, start_worker, stop_worker
 from object_sets.objects import content_digest
-from object_sets.storage import cache_directory, json_bytes, npz_bytes, read_npz, sha256, write_atomic
+from object_sets.storage import (
+    cache_directory,
+    json_bytes,
+    npz_bytes,
+    read_npz,
+    read_sealed,
+    sealed,
+    sha256,
+    write_atomic,
+)
 
 log = logging.getLogger(__name__)
 
@@ -89,7 +98,10 @@ def decompose(
     if raw is None:
         arrays = _run(vertices, faces, config, name)
         raw = _corners(arrays, name)
-        write_atomic(path, npz_bytes(arrays))
+        try:
+            write_atomic(path, sealed(arrays, path.stem))
+        except OSError as error:  # minutes of work are worth more than their place on the disk
+            log.warning("%s: can't be kept (%s)", path, error.strerror)
     if len(raw) > MOST_PARTS:
         raise DecompositionError(
             name, f"CoACD made {len(raw)} convex parts of it; allowed are {MOST_PARTS}",
@@ -101,11 +113,10 @@ def decompose(
 
 def _cached(path: Path) -> list[np.ndarray] | None:
     """What was computed before; a damaged file counts as absent, and is said."""
-    if not path.exists():
-        return None
     try:
-        return _corners(read_npz(path.read_bytes(), path), "cache")
-    except (DataError, DecompositionError) as error:
+        arrays = read_sealed(path)
+        return None if arrays is None else _corners(arrays, "cache")
+    except (DataError, DecompositionError, OSError) as error:
         log.warning("%s: damaged, computed again (%s)", path, error)
         return None
 

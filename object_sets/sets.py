@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from object_sets.errors import DataError, UnknownObjectError, nearest
+from object_sets.errors import DataError, MeshError, ScaleError, UnknownObjectError, nearest
 from object_sets.objects import Object, ObjectSet
 from object_sets.storage import read_npz, sha256
 
@@ -144,8 +144,11 @@ def _read(directory: Path, own: bool = False) -> ObjectSet:
 
     manifest = Manifest.from_bytes((directory / MANIFEST_NAME).read_bytes(), directory / MANIFEST_NAME)
     objects: list[Object] = []
-    for entry, nominal in zip(manifest.objects, nominal_objects(manifest, directory, own), strict=True):
-        objects.extend(_sizes(nominal, entry.scales, len(objects)))
+    try:
+        for entry, nominal in zip(manifest.objects, nominal_objects(manifest, directory, own), strict=True):
+            objects.extend(_sizes(nominal, entry.scales, len(objects)))
+    except (MeshError, ScaleError) as error:  # content that no builder has written
+        raise DataError(f"{directory / MANIFEST_NAME}: {error}") from error
     return ObjectSet(manifest.name, tuple(objects))
 
 

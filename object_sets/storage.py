@@ -18,6 +18,8 @@ import numpy as np
 from object_sets.errors import DataError, ObjectSetError
 
 UNPACKED = 512 * 2**20  # bytes an npz may unpack to
+NUMBERS = "biuf"  # kinds of NumPy's types
+SEAL = "digest"  # name of the digest among the arrays of a sealed file
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip can hold
 
 
@@ -35,8 +37,8 @@ def npz_bytes(arrays: Mapping[str, np.ndarray]) -> bytes:
     return buffer.getvalue()
 
 
-def read_npz(data: bytes, file: object) -> dict[str, np.ndarray]:
-    """The arrays of an npz of this package.
+def read_npz(data: bytes, file: object, kinds: str = NUMBERS) -> dict[str, np.ndarray]:
+    """The arrays of an npz of this package, of numbers or of the ``kinds`` of NumPy's types.
 
     Raises ``DataError`` naming ``file`` when it is none, asks for pickle, or unpacks to far more than it holds.
     """
@@ -47,23 +49,54 @@ def read_npz(data: bytes, file: object) -> dict[str, np.ndarray]:
             if unpacked > UNPACKED:
                 raise ValueError(f"unpacks to {unpacked / 2**20:.0f} MiB; allowed are {UNPACKED // 2**20}")
             for member in archive.infolist():
-                arrays[member.filename.removesuffix(".npy")] = _array(archive.read(member))
+                arrays[member.filename.removesuffix(".npy")] = _array(archive.read(member), kinds)
     except Exception as error:  # zipfile and zlib raise a dozen kinds on broken input
-        raise DataError(f"{file}: no readable npz ({error}); build the set again") from error
+        raise DataError(f"{file}: no readable npz ({error})") from error
     return arrays
 
 
-def _array(data: bytes) -> np.ndarray:
-    """One npy of numbers. Its header is held against its length before any memory is asked for."""
+def _array(data: bytes, kinds: str) -> np.ndarray:
+    """One npy. Its header is held against its length before any memory is asked for."""
     stream = io.BytesIO(data)
     if np.lib.format.read_magic(stream) != (1, 0):
         raise ValueError("npy of an unknown version")
     shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
-    if dtype.hasobject or dtype.kind not in "biuf" or fortran:
+    if dtype.hasobject or dtype.kind not in kinds:
         raise ValueError(f"an array of type {dtype} where plain numbers are expected")
     if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != len(data) - stream.tell():
         raise ValueError(f"an array of shape {shape} in {len(data)} bytes")
-    return np.frombuffer(data, dtype, offset=stream.tell()).reshape(shape).copy()
+    flat = np.frombuffer(data, dtype, offset=stream.tell())
+    return flat.reshape(shape, order="F" if fortran else "C").copy()
+
+
+def sealed(arrays: Mapping[str, np.ndarray], name: str) -> bytes:
+    """``npz_bytes`` of the arrays and of a digest of them and of ``name``, what the file is called: for a cache."""
+    return npz_bytes({**arrays, SEAL: np.frombuffer(_seal(arrays, name), np.uint8)})
+
+
+def read_sealed(path: Path) -> dict[str, np.ndarray] | None:
+    """The arrays that were written to ``path`` by ``sealed`` under its stem; None where there is no such file.
+
+    Raises ``DataError`` naming the file where one bit is not as it was written, or it is another's. Raises OSError.
+    """
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        return None
+    arrays = read_npz(data, path)
+    seal = arrays.pop(SEAL, np.zeros(0, np.uint8))
+    if seal.tobytes() != _seal(arrays, path.stem):
+        raise DataError(f"{path}: does not match its digest")
+    return arrays
+
+
+def _seal(arrays: Mapping[str, np.ndarray], name: str) -> bytes:
+    state = hashlib.sha256(name.encode())
+    for key in sorted(arrays):
+        array = np.asarray(arrays[key], order="C")
+        state.update(f"|{key}|{array.dtype.str}{array.shape}|".encode())
+        state.update(array.tobytes())
+    return state.digest()
 
 
 def json_bytes(content: Any) -> bytes:

@@ -16,6 +16,8 @@ from randomization.errors import RandomizationError, nearest
 from randomization.sampling import Randomization, Term
 
 DATA = Path(__file__).parent / "data"
+# beside its own errors, what PyYAML raises for values that are not what their tag says (``!!int ""``, ``!!bool x``)
+RAISES = (ValueError, LookupError, AttributeError, TypeError, OverflowError, RecursionError)
 PRESETS = ("none", "default", "strong")
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -136,7 +138,7 @@ def _parse(path: Path) -> dict[str, Any]:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise RandomizationError(f"{path}: can't be read ({error.strerror})") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
+    except (yaml.YAMLError, *RAISES) as error:
         raise RandomizationError(f"{path}: no valid YAML: {error}") from None
     if not isinstance(content, dict):
         raise RandomizationError(f"{path}: holds a {type(content).__name__}: allowed is a mapping of keys")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from reproduce.errors import ReproduceError
-from reproduce.files import read_yaml, write_atomic
+from reproduce.files import read_csv, read_yaml, write_atomic
 from tactile_kit.evaluation.rows import EpisodeRow
 from tactile_kit.evaluation.summary import Estimate, success_rate
 
@@ -148,13 +148,8 @@ def write_cells(path: Path, cells: Iterable[Cell]) -> None:
 
 def read_cells(path: Path) -> list[Cell]:
     """Cells back from CSV; ``ReproduceError`` names file and line of what doesn't fit."""
-    try:
-        with Path(path).open(newline="", encoding="utf-8") as file:
-            lines = list(csv.DictReader(file))
-    except FileNotFoundError:
-        raise ReproduceError(f"{path}: no such file") from None
     cells = []
-    for number, line in enumerate(lines, start=2):
+    for number, line in enumerate(read_csv(Path(path)), start=2):
         try:
             values: dict[str, Any] = {name: line[name] for name in COLUMNS}
             for name in ("paper", "ours", "low", "high"):

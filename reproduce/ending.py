@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import select
 import signal
@@ -13,6 +14,14 @@ from typing import Any
 
 from reproduce.errors import Stopped
 
+DISK = (
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EFBIG,
+    errno.EIO,
+    errno.EROFS,
+)  # full, in one way or another, or broken
+
 
 class Terminated(BaseException):
     """SIGTERM, raised like KeyboardInterrupt, so that everything is closed on the way out."""
@@ -21,7 +30,8 @@ class Terminated(BaseException):
 def status_of(command: Callable[[], int]) -> int:
     """Runs ``command``; its exit status, or that of its end.
 
-    2: an error of the project; 130: interrupted; 143: terminated; 141: nobody reads stdout any more (``| head``).
+    2: an error of the project, or a full disk; 130: interrupted; 143: terminated; 141: nobody reads stdout any more
+    (``| head``).
     """
     try:
         with _terminated_like_interrupted():
@@ -41,6 +51,10 @@ def status_of(command: Callable[[], int]) -> int:
         if not _reader_gone():
             raise
         return 128 + signal.SIGPIPE
+    except OSError as error:
+        if error.errno not in DISK:
+            raise
+        return _say(f"the disk refuses to be written to: {error}", 2)
 
 
 def _say(text: str, status: int) -> int:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
 from pathlib import Path
 from typing import Any
 
 from reproduce.errors import ReproduceError
-from tactile_kit.files import write_atomically
+from tactile_kit import files
+from tactile_kit.files import read_text, write_atomically
 
 CODE = Path(__file__).resolve().parent.parent  # what the packages are in: a checkout, or site-packages
 # Where results/ and its agents are: the checkout, or where the command is given if that is not where the packages are.
@@ -33,14 +35,7 @@ def write_if_changed(path: str | os.PathLike, content: str) -> bool:
 
 def read_yaml(path: str | os.PathLike) -> Any:
     """A YAML file's content; ``ReproduceError`` names the file and line where it is malformed or missing."""
-    import yaml
-
-    try:
-        return yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ReproduceError(f"{path}: no such file") from None
-    except yaml.YAMLError as error:
-        raise ReproduceError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
+    return files.read_yaml(Path(path), ReproduceError)
 
 
 def dump_yaml(value: Any) -> str:
@@ -52,11 +47,10 @@ def dump_yaml(value: Any) -> str:
 
 def read_json(path: str | os.PathLike) -> Any:
     """A JSON file's content; ``ReproduceError`` names the file where it is malformed or missing."""
+    text = read_text(Path(path), ReproduceError)
     try:
-        return json.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ReproduceError(f"{path}: no such file") from None
-    except json.JSONDecodeError as error:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
         raise ReproduceError(f"{path}: not valid JSON: {error}") from None
 
 
@@ -69,8 +63,10 @@ def require_agent(directory: Path) -> Path:
 
 def read_csv(path: Path) -> list[dict[str, str]]:
     """A CSV file's lines by column, as text."""
-    with path.open(newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+    try:
+        return list(csv.DictReader(io.StringIO(read_text(path, ReproduceError), newline="")))
+    except csv.Error as error:
+        raise ReproduceError(f"{path}: no CSV ({error})") from None
 
 
 def shown(path: str | os.PathLike) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import time
 from pathlib import Path
@@ -37,9 +38,9 @@ class Heartbeat:
         self._write(state, 1, 1, message)
 
     def _write(self, state: str, done: int, total: int, message: str = "") -> None:
-        write_atomic(
-            self.path, json.dumps({"state": state, "done": done, "total": max(total, 1), "message": message})
-        )
+        beat = {"state": state, "done": done, "total": max(total, 1), "message": message}
+        with contextlib.suppress(OSError):  # a full disk: whoever watches sees less, and the job goes on
+            write_atomic(self.path, json.dumps(beat))
 
 
 def file_of(pipeline: Path, job: str) -> Path:

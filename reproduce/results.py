@@ -9,6 +9,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from reproduce.inventory import PLANNER
 from reproduce.style import steps_text
 from tactile_kit.evaluation.courses import Moment, read_courses
 from tactile_kit.evaluation.rows import EpisodeRow, read_rows
+from tactile_kit.files import read_text
 
 ALIKE = 1.5  # ratio of environment steps up to which agents count as trained alike
 
@@ -37,10 +39,13 @@ class Results:
     """What an artefact can see."""
 
     content: dict[str, Any]
+    markers: Path | None = (
+        None  # folder of what evaluations made here have left beside their rows, with digests
+    )
 
     @classmethod
-    def load(cls, path: Path) -> Results:
-        return cls(read_yaml(path))
+    def load(cls, path: Path, markers: Path | None = None) -> Results:
+        return cls(read_yaml(path), markers)
 
     @property
     def scale(self) -> str:
@@ -58,8 +63,9 @@ class Results:
 
     def rows(self, role: str, evaluation: str) -> list[EpisodeRow] | None:
         """Episodes of all seeds of a role, None where no run of it was evaluated."""
-        files = [self.content["episodes"].get(f"{name}/{evaluation}") for name in self.run_names(role)]
-        rows = [row for file in files if file is not None for row in self._read(file)]
+        names = [f"{name}/{evaluation}" for name in self.run_names(role)]
+        files = {name: self.content["episodes"].get(name) for name in names}
+        rows = [row for name, file in files.items() if file is not None for row in self._read(name, file)]
         return rows or None
 
     def courses(self, role: str, name: str) -> list[Moment]:
@@ -77,10 +83,22 @@ class Results:
     def _episode_files(self) -> dict[str, list[EpisodeRow]]:
         return {}
 
-    def _read(self, file: str) -> list[EpisodeRow]:
+    def _read(self, name: str, file: str) -> list[EpisodeRow]:
         if file not in self._episode_files:
+            self._check_unaltered(name, Path(file))
             self._episode_files[file] = read_rows(file)
         return self._episode_files[file]
+
+    def _check_unaltered(self, name: str, file: Path) -> None:
+        marker = None if self.markers is None else self.markers / f"{name}.json"
+        if marker is None or not marker.is_file() or not file.is_file():
+            return
+        wanted, found = read_json(marker)["digest"], sha256(file.read_bytes()).hexdigest()
+        if found != wanted:
+            raise ReproduceError(
+                f"{file}: SHA-256 is {found[:16]}…, its evaluation left {wanted[:16]}… ({marker}): it was altered; "
+                "delete it and run again, which evaluates anew"
+            )
 
     def manifest(self, name: str) -> dict[str, Any] | None:
         """A run's agent.json, None where the run isn't there. The planner has none."""
@@ -141,15 +159,14 @@ def read_curve(run: str, path: Path) -> Curve:
     Evaluations in Bullet are another matter and left out. Raises ``ReproduceError`` naming file, line and value.
     """
     found: dict[str, list[tuple[int, float]]] = {"held_out/success": [], "success": []}
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except FileNotFoundError:
-        raise ReproduceError(f"{path}: no such metrics file") from None
+    lines = read_text(path, ReproduceError, "metrics file").splitlines()
     for number, line in enumerate(lines, start=1):
         try:
             entry = json.loads(line)
-        except json.JSONDecodeError as error:
+        except (ValueError, RecursionError) as error:
             raise ReproduceError(f"{path}, line {number}: not valid JSON: {error}") from None
+        if not isinstance(entry, dict):
+            raise ReproduceError(f"{path}, line {number}: {type(entry).__name__}; allowed are objects")
         if entry.get("evaluation"):
             continue
         for name, points in found.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from typing import Any
@@ -72,7 +73,10 @@ class Counter:
         if self._bar is not None:
             self._bar.console.print(f"{self.label}: {text}", highlight=False, markup=False)
         else:
-            print(f"{self.label}: {text}", file=sys.stderr, flush=True)
+            with contextlib.suppress(
+                OSError
+            ):  # a log on a full disk: the work is worth more than a line on it
+                print(f"{self.label}: {text}", file=sys.stderr, flush=True)
 
     def _placed(self, more: str) -> str:
         """On a narrow terminal it has a line of its own: the bar is to be seen too."""

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import reprlib
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from tactile_kit.errors import nearest
+
+WIDEST = 65_536  # units of a layer
+Layers = Annotated[
+    tuple[Annotated[int, Field(ge=1, le=WIDEST)], ...], Field(min_length=1, max_length=32)
+]  # widths of hidden layers
 
 _UNKNOWN = "unknown_setting"
 
 
 class Settings(BaseModel):
-    """Frozen; unknown keys fail with the nearest valid name."""
+    """Frozen; unknown keys fail with the nearest valid name, numbers that are not finite too."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     @model_validator(mode="before")
     @classmethod

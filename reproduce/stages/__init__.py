@@ -54,7 +54,9 @@ def _artefact(pipeline: Path, name: str) -> None:
     from reproduce.results import Results
 
     outputs = [Path(file) for file in read_json(pipeline / "plan.json")["artefacts"][name]]
-    make(name, Results.load(pipeline / "jobs" / "artefacts" / f"{name}.yaml"), outputs)
+    make(
+        name, Results.load(pipeline / "jobs" / "artefacts" / f"{name}.yaml", pipeline / "evaluated"), outputs
+    )
 
 
 def _known(stage: str) -> None:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import torch
@@ -22,6 +23,8 @@ from tactile_kit.settings import explain
 if TYPE_CHECKING:
     from tactile_kit.task.config import TaskConfig
     from tactile_kit.task.variants import Variants
+
+Module = TypeVar("Module", bound=torch.nn.Module)
 
 
 @dataclass
@@ -124,7 +127,6 @@ def load_agent(directory: str | Path) -> Agent:
     Networks are rebuilt from agent.json and filled from safetensors whose digests it names; nothing is unpickled.
     Raises AgentError naming file and reason when something is missing, damaged, newer or does not fit.
     """
-    from tactile_kit.shape import kind_of
     from tactile_kit.task.config import TaskConfig
 
     directory = Path(directory)
@@ -133,50 +135,69 @@ def load_agent(directory: str | Path) -> Agent:
         task = TaskConfig(**manifest.task)
     except ValidationError as problem:
         raise AgentError(f"{directory / 'agent.json'}: task: {explain(problem)}") from None
-    layout = InputLayout.of_encoding(manifest.layout, kind_of(manifest.encoding))
-    policy = build_policy(layout, manifest.network)
-    fill(
-        policy,
-        read_tensors(directory / "policy.safetensors", manifest.weights["policy.safetensors"]),
-        directory,
-    )
+    layout = InputLayout.of_encoding(manifest.layout, _encoding(manifest.encoding, directory))
+    path = directory / "policy.safetensors"
+    tensors = read_tensors(path, manifest.weights[path.name], owner=manifest.identity)
+    policy = filled(partial(build_policy, layout, manifest.network), tensors, directory)
     estimator = None
     if manifest.kind == "tactile":
         estimator = load_estimator(directory, manifest)
     return Agent(directory, manifest, task, policy.eval(), estimator)
 
 
-def build_policy(layout: InputLayout, network: PolicyNetwork) -> GaussianPolicy:
-    """An actor of that layout and size; its initial weights come from no global generator."""
-    space = spaces.Box(-np.inf, np.inf, (layout.size,), np.float32)
-    with torch.random.fork_rng(devices=[]):
-        return GaussianPolicy(
-            ObservationFeatures(space, layout),
-            network.actions,
-            network.layers,
-            squashed=network.squashed,
-        )
+def _encoding(name: str, directory: Path) -> Any:
+    from tactile_kit.shape import kind_of
 
-
-def fill(module: torch.nn.Module, tensors: dict[str, torch.Tensor], where: Path) -> None:
-    """Load weights, every name and shape as expected and every number finite, or raise AgentError."""
-    for name, tensor in tensors.items():
-        if tensor.is_floating_point() and not torch.isfinite(tensor).all():
-            raise AgentError(f"{where}: weight {name!r} holds NaN or infinity")
-    wanted = module.state_dict()
-    for name, tensor in tensors.items():
-        if name in wanted and wanted[name].dtype != tensor.dtype:
-            raise AgentError(f"{where}: weight {name!r} is {tensor.dtype}, expected {wanted[name].dtype}")
     try:
-        module.load_state_dict(tensors)
-    except RuntimeError as problem:
-        raise AgentError(f"{where}: weights do not fit the network of agent.json: {problem}") from None
+        return kind_of(name)
+    except ValueError as problem:
+        raise AgentError(f"{directory / 'agent.json'}: {problem}") from None
+
+
+def build_policy(layout: InputLayout, network: PolicyNetwork) -> GaussianPolicy:
+    """An actor of that layout and size."""
+    space = spaces.Box(-np.inf, np.inf, (layout.size,), np.float32)
+    return GaussianPolicy(
+        ObservationFeatures(space, layout),
+        network.actions,
+        network.layers,
+        squashed=network.squashed,
+    )
+
+
+def filled(build: Callable[[], Module], tensors: dict[str, torch.Tensor], where: Path) -> Module:
+    """What ``build`` makes, with these weights: every name and shape as expected and every number finite.
+
+    It is first built without memory, so that no size is allocated that is not in the weights; its initial weights come
+    from no global generator. Raises AgentError.
+    """
+    with torch.random.fork_rng(devices=[]):
+        try:
+            with torch.device("meta"):
+                wanted = build().state_dict()
+        except RuntimeError as problem:  # more numbers than any machine has
+            raise AgentError(f"{where}: no network can be built as agent.json says: {problem}") from None
+        for name in [*wanted, *tensors]:
+            found, expected = _kind(tensors.get(name)), _kind(wanted.get(name))
+            if found != expected:
+                raise AgentError(
+                    f"{where}: weights do not fit the network of agent.json: {name!r} is {found}, expected {expected}"
+                )
+        for name, tensor in tensors.items():
+            if tensor.is_floating_point() and not torch.isfinite(tensor).all():
+                raise AgentError(f"{where}: weight {name!r} holds NaN or infinity")
+        module = build()
+    module.load_state_dict(tensors)
+    return module
+
+
+def _kind(tensor: torch.Tensor | None) -> str:
+    return "not there" if tensor is None else f"{tuple(tensor.shape)} {tensor.dtype}"
 
 
 def load_estimator(directory: Path, manifest: Manifest):
     """The estimator cell of a tactile agent's directory; raises AgentError."""
     from tactile_kit.estimator import EstimatorConfig, EstimatorError, cell_of
-    from tactile_kit.shape import kind_of
 
     path = directory / "estimator.safetensors"
     if manifest.estimator is None or path.name not in manifest.weights:
@@ -185,10 +206,9 @@ def load_estimator(directory: Path, manifest: Manifest):
         config = EstimatorConfig(**manifest.estimator)
     except ValidationError as problem:
         raise AgentError(f"{directory / 'agent.json'}: estimator: {explain(problem)}") from None
-    with torch.random.fork_rng(devices=[]):
-        try:
-            cell = cell_of(config, kind_of(config.encoding or manifest.encoding))
-        except EstimatorError as problem:
-            raise AgentError(f"{directory / 'agent.json'}: {problem}") from None
-    fill(cell, read_tensors(path, manifest.weights[path.name]), path)
-    return cell.eval()
+    tensors = read_tensors(path, manifest.weights[path.name], owner=manifest.identity)
+    build = partial(cell_of, config, _encoding(config.encoding or manifest.encoding, directory))
+    try:
+        return filled(build, tensors, path).eval()
+    except EstimatorError as problem:
+        raise AgentError(f"{directory / 'agent.json'}: {problem}") from None

@@ -6,13 +6,13 @@ from typing import Literal
 
 from pydantic import Field, PositiveFloat, PositiveInt
 
-from tactile_kit.settings import Settings
+from tactile_kit.settings import Layers, Settings
 
 
 class NetworkConfig(Settings):
     """One multi-layer perceptron."""
 
-    hidden: tuple[PositiveInt, ...] = (256, 256, 128)
+    hidden: Layers = (256, 256, 128)
     activation: Literal["elu", "relu", "silu"] = "elu"
     dense: bool = True  # D2RL: the input is concatenated to every hidden layer's input (Sinha et al. 2020)
     layer_norm: bool = False
@@ -22,7 +22,7 @@ class PPOConfig(Settings):
     """PPO as it turns objects on two cores; what the paper's website page says instead is the preset `ppo-paper`."""
 
     rollout: PositiveInt = Field(32, description="Vector steps between updates (the paper's T).")
-    minibatch: PositiveInt = Field(2048, description="Transitions a gradient step.")
+    minibatch: int = Field(2048, ge=2, description="Transitions a gradient step; one alone has no spread.")
     epochs: PositiveInt = Field(2, description="Passes over a roll-out.")
     learning_rate: PositiveFloat = Field(1e-4, description="At the start; then adapted on the KL divergence.")
     learning_rate_bounds: tuple[PositiveFloat, PositiveFloat] = (1e-6, 1e-2)

@@ -54,11 +54,11 @@ def objective(
     density = log_density(own.actions, mean + own.left_over, log_std + narrower)
     ratio = (density - own.densities).exp()
     clipped = ratio.clamp(1.0 - config.clip, 1.0 + config.clip)
-    policy_loss = -torch.min(advantage * ratio, advantage * clipped).mean()
     value_loss = (value - own.returns).square().mean()
     loss = config.critic_coefficient * value_loss
-    means = {"policy_loss": policy_loss, "value_loss": value_loss}
-    if aims.leads:
+    means = {"value_loss": value_loss}
+    if aims.leads:  # otherwise a teacher may have acted so far from this policy that its ratio overflows
+        means["policy_loss"] = policy_loss = -torch.min(advantage * ratio, advantage * clipped).mean()
         loss = loss + policy_loss - config.entropy * entropy_of(log_std)
     if aims.taught:
         apart = divergence_of(mean, aims.log_std, own.shown, aims.log_std)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import Field, PositiveInt
+from pydantic import Field
 
 from tactile_kit.errors import EstimatorError, nearest
-from tactile_kit.settings import Settings
+from tactile_kit.settings import WIDEST, Layers, Settings
 
 PRESETS: dict[str, dict[str, object]] = {
     "paper": {},
@@ -45,15 +45,11 @@ class EstimatorConfig(Settings):
         default=False,
         description="Cut the gradient through the encoding in the recurrence (table II); the loss keeps its own.",
     )
-    features: int = Field(default=32, ge=1, description="Outputs of the measurement encoder.")
-    latent: int = Field(default=32, ge=1, description="Size of the latent state l.")
-    encoder_hidden: tuple[PositiveInt, ...] = Field(default=(512,) * 4, description="Hidden layers, encoder.")
-    transition_hidden: tuple[PositiveInt, ...] = Field(
-        default=(512,) * 4, description="Hidden layers, transition."
-    )
-    sigma_hidden: tuple[PositiveInt, ...] = Field(
-        default=(256,) * 4, description="Hidden layers, sigma network."
-    )
+    features: int = Field(default=32, ge=1, le=WIDEST, description="Outputs of the measurement encoder.")
+    latent: int = Field(default=32, ge=1, le=WIDEST, description="Size of the latent state l.")
+    encoder_hidden: Layers = Field(default=(512,) * 4, description="Hidden layers, encoder.")
+    transition_hidden: Layers = Field(default=(512,) * 4, description="Hidden layers, transition.")
+    sigma_hidden: Layers = Field(default=(256,) * 4, description="Hidden layers, sigma network.")
     learning_rate: float = Field(default=5e-4, gt=0, description="Adam's step size.")
     betas: tuple[float, float] = Field(default=(0.9, 0.99), description="Adam's averages.")
     weight_decay: float = Field(default=1e-5, ge=0, description="L2 penalty in Adam.")

@@ -21,6 +21,7 @@ from object_sets.storage import write_atomic
 from randomization import derive
 from tactile_kit.errors import EpisodeFileError
 from tactile_kit.evaluation.schedule import HORIZON, schedule
+from tactile_kit.files import read_text
 from tactile_kit.rotations import geodesic
 from tactile_kit.simulation.config import CONTROL_RATE
 
@@ -155,13 +156,24 @@ def read_courses(path: str | os.PathLike) -> list[Moment]:
     Raises ``EpisodeFileError`` naming file, line, column, value and what is allowed.
     """
     path = Path(path)
+    text = read_text(path, EpisodeFileError, "file of courses")
     try:
-        rows = list(csv.reader(io.StringIO(path.read_text(encoding="utf-8"))))
-    except FileNotFoundError:
-        raise EpisodeFileError(f"{path}: no such file of courses") from None
+        rows = list(csv.reader(io.StringIO(text, newline="")))
+    except csv.Error as problem:
+        raise EpisodeFileError(f"{path}: no CSV ({problem})") from None
     if not rows or tuple(rows[0]) != COLUMNS:
         raise EpisodeFileError(f"{path}, line 1: allowed is the header {','.join(COLUMNS)}")
-    return [_parsed(cells, f"{path}, line {number}") for number, cells in enumerate(rows[1:], start=2)]
+    lines: list[Moment] = []
+    seen: dict[tuple, int] = {}
+    for number, cells in enumerate(rows[1:], start=2):
+        line = _parsed(cells, f"{path}, line {number}")
+        first = seen.setdefault((line.condition, line.object_id, line.goal, line.seed, line.time), number)
+        if first != number:
+            raise EpisodeFileError(
+                f"{path}, line {number}: the moment of line {first} again; allowed is each once"
+            )
+        lines.append(line)
+    return lines
 
 
 def _parsed(cells: list[str], where: str) -> Moment:

@@ -6,14 +6,16 @@ Every number in a table or figure is computed from such files and from nothing e
 from __future__ import annotations
 
 import csv
+import io
 import math
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from tactile_kit.errors import EpisodeFileError
+from tactile_kit.files import read_text
 
 SUCCESS_ANGLE = 0.4  # rad; paper, Sec. II-E: a success if theta_T < 0.4 after T = 10 s
 
@@ -64,6 +66,11 @@ class EpisodeRow:
 
 COLUMNS: tuple[str, ...] = tuple(field.name for field in fields(EpisodeRow))
 _BEFORE = COLUMNS[:-1]  # of files written when Bullet was the only world
+
+# what names an episode; the rest is how it went
+_NAMES = (
+    "agent", "object_id", "object", "size", "given_id", "given", "goal", "episode", "seed", "world",
+)  # fmt: skip
 
 _PI = math.pi + 1e-4  # float32 rounding of an angle of exactly pi
 
@@ -178,10 +185,20 @@ def _parse(cells: list[str], where: str, columns: tuple[str, ...] = COLUMNS) -> 
     return row
 
 
+def _told_once(row: EpisodeRow, seen: dict[Hashable, str], where: str) -> None:
+    """Raises EpisodeFileError for an episode that is there already: counted twice it would narrow every interval."""
+    episode = tuple(getattr(row, name) for name in _NAMES)
+    first = seen.setdefault(episode, where)
+    if first != where:
+        name = f"{row.object}, size {row.size}, goal {row.goal}, episode {row.episode}, seed {row.seed}"
+        line = first.rpartition(", ")[2]
+        raise EpisodeFileError(f"{where}: the episode of {line} again ({name}); allowed is each once")
+
+
 def write_rows(path: str | os.PathLike, rows: Iterable[EpisodeRow]) -> Path:
     """Writes an episode file. The same rows give the same bytes; a half-written file never bears the name.
 
-    Raises ``EpisodeFileError`` for a row that ``read_rows`` would refuse.
+    Raises ``EpisodeFileError`` for a row that ``read_rows`` would refuse, such as an episode that comes twice.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -190,9 +207,11 @@ def write_rows(path: str | os.PathLike, rows: Iterable[EpisodeRow]) -> Path:
         with scratch.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(COLUMNS)
+            seen: dict[Hashable, str] = {}
             for number, row in enumerate(rows, start=2):
                 cells = [_format(getattr(row, name)) for name in COLUMNS]
-                _parse(cells, f"{path}, line {number}")
+                where = f"{path}, line {number}"
+                _told_once(_parse(cells, where), seen, where)
                 writer.writerow(cells)
         os.replace(scratch, path)
     finally:
@@ -203,20 +222,25 @@ def write_rows(path: str | os.PathLike, rows: Iterable[EpisodeRow]) -> Path:
 def read_rows(path: str | os.PathLike) -> list[EpisodeRow]:
     """The rows of an episode file, in order. A file without the column ``world`` holds episodes of Bullet.
 
-    Raises ``EpisodeFileError`` naming file, line, column, value and what is allowed; an empty file is an error too.
+    Raises ``EpisodeFileError`` naming file, line, column, value and what is allowed; a file without episodes, or with
+    one twice, is an error too.
     """
     path = Path(path)
+    reader = csv.reader(io.StringIO(read_text(path, EpisodeFileError, "episode file"), newline=""))
+    rows: list[EpisodeRow] = []
+    seen: dict[Hashable, str] = {}
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            reader = csv.reader(file)
-            header = tuple(next(reader, ()))
-            if header not in (COLUMNS, _BEFORE):
-                raise EpisodeFileError(
-                    f"{path}, line 1: {list(header) or None}; allowed is the header {','.join(COLUMNS)}"
-                )
-            rows = [_parse(cells, f"{path}, line {reader.line_num}", header) for cells in reader]
-    except FileNotFoundError:
-        raise EpisodeFileError(f"{path}: no such episode file") from None
+        header = tuple(next(reader, ()))
+        if header not in (COLUMNS, _BEFORE):
+            raise EpisodeFileError(
+                f"{path}, line 1: {list(header) or None}; allowed is the header {','.join(COLUMNS)}"
+            )
+        for cells in reader:
+            where = f"{path}, line {reader.line_num}"
+            rows.append(_parse(cells, where, header))
+            _told_once(rows[-1], seen, where)
+    except csv.Error as problem:
+        raise EpisodeFileError(f"{path}, line {reader.line_num}: no CSV ({problem})") from None
     if not rows:
         raise EpisodeFileError(f"{path}: no episodes; at least one is needed")
     return rows

@@ -86,7 +86,11 @@ def load(path: Path) -> Checkpoint:
         raise CheckpointError(
             f"{path / 'state.json'}: schema {body.get('schema')!r}, this version reads {SCHEMA}"
         )
-    if body.get("digest") != _body_digest({key: value for key, value in body.items() if key != "digest"}):
+    try:
+        found = _body_digest({key: value for key, value in body.items() if key != "digest"})
+    except (ValueError, RecursionError) as problem:  # a number such as 1e999, or nesting
+        raise CheckpointError(f"{path / 'state.json'}: {problem}") from None
+    if body.get("digest") != found:
         raise CheckpointError(f"{path / 'state.json'}: does not match its own digest")
     files = _checked_body(body, path / "state.json")
     tensors = read_tensors(path / "state.safetensors", files["state.safetensors"], CheckpointError)

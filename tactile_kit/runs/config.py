@@ -15,6 +15,7 @@ from tactile_kit.agents.config import PPOConfig
 from tactile_kit.ecrl.config import ECRLConfig
 from tactile_kit.errors import ConfigError, nearest
 from tactile_kit.estimator.config import EstimatorConfig
+from tactile_kit.files import read_yaml
 from tactile_kit.runs.calm import CalmConfig
 from tactile_kit.settings import Settings, explain, merge, short
 from tactile_kit.task.config import RewardConfig, TaskConfig
@@ -164,6 +165,8 @@ class RunConfig(Settings):
         files, data = presets(), dict(data)
         base = data.pop("preset", None)
         if base is not None:
+            if not isinstance(base, str):
+                raise ConfigError(f"{source}: preset: {short(base)}; allowed is one of {', '.join(files)}")
             if base not in files:
                 raise ConfigError(f"{source}: preset {base!r} unknown{nearest(base, files)}")
             data = merge(_read_yaml(files[base]), data)
@@ -174,7 +177,7 @@ class RunConfig(Settings):
                 for part in reversed(key.split(".")):
                     nested = {part: nested}
                 tree = merge(tree, _lift(nested))
-            return cls(**tree)
+            return cls.model_validate(tree)
         except ValidationError as problem:
             raise ConfigError(f"{source}: {explain(problem)}") from None
         except (TypeError, ValueError) as problem:
@@ -198,6 +201,8 @@ def _lift(data: Mapping[str, Any]) -> dict[str, Any]:
     given = {name: data.pop(name) for name in _SHORTHAND if name in data}
     if given:
         task = data.get("task", {})
+        if not isinstance(task, (TaskConfig, Mapping)):
+            raise ValueError(f"task: {short(task)}; allowed are keys and values")
         task = task.model_dump(exclude_unset=True) if isinstance(task, TaskConfig) else dict(task)
         for name, value in given.items():
             if name in task and task[name] != value:
@@ -213,14 +218,9 @@ def presets() -> dict[str, Path]:
 
 
 def _read_yaml(path: Path) -> dict[str, Any]:
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise ConfigError(f"{path}: {problem.strerror}") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as problem:
-        raise ConfigError(f"{path}: not plain YAML: {problem}") from None
+    data = read_yaml(path, ConfigError)
     if data is None:
-        return {}
+        raise ConfigError(f"{path}: is empty; expected keys and values, at the least a preset")
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: holds {type(data).__name__}, expected keys and values")
     return data

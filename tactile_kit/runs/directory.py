@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import importlib.metadata
 import os
@@ -11,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from tactile_kit.errors import LockedError
 
@@ -31,26 +32,30 @@ def locked(directory: Path) -> Iterator[str]:
     key = path.resolve()
     if key in _held:
         raise LockedError(f"{directory}: this process already works here")
-    with path.open("a+") as file:
+    with path.open("a+b", buffering=0) as file:
         try:
             fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            file.seek(0)
-            holder = file.read().strip() or "another process"
-            raise LockedError(f"{directory}: {holder} already works here") from None
+            raise LockedError(
+                f"{directory}: {_holder(file) or 'another process'} already works here"
+            ) from None
         _held.add(key)
         try:
-            file.seek(0)
-            killed = file.read().strip()
-            file.seek(0)
-            file.truncate()
-            file.write(f"process {os.getpid()} on {platform.node()}")
-            file.flush()
+            killed = _holder(file)
+            file.truncate(0)
+            with contextlib.suppress(
+                OSError
+            ):  # on a full disk the lock holds, though nobody can read whose it is
+                file.write(f"process {os.getpid()} on {platform.node()}".encode())
             yield killed
         finally:
             _held.discard(key)
-            file.seek(0)
-            file.truncate()
+            file.truncate(0)
+
+
+def _holder(file: BinaryIO) -> str:
+    file.seek(0)
+    return file.read().decode(errors="replace").strip()
 
 
 @cache

@@ -41,7 +41,6 @@ def export_agent(
         cell = learner.env.estimator
         estimator = cell.config.model_dump(mode="json")
         parts["estimator.safetensors"] = cell.state_dict()
-    weights = {name: tensor_bytes(tensors) for name, tensors in parts.items()}
     manifest = Manifest(
         schema=1,
         kind=config.kind,
@@ -64,8 +63,11 @@ def export_agent(
         training=training or {},
         versions=versions(),
         git=revision(),
-        weights={name: digest(data) for name, data in weights.items()},
+        weights=dict.fromkeys(parts, ""),
     )
+    weights = {name: tensor_bytes(tensors, manifest.identity) for name, tensors in parts.items()}
+    digests = {name: digest(data) for name, data in weights.items()}
+    manifest = manifest.model_copy(update={"weights": digests})
     replace_together(directory, weights, "agent.json", json_bytes(manifest.to_json()))
     write_atomically(directory / "README.md", model_card(directory.name, manifest, evaluation).encode())
     return manifest

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
+import os
+import platform
 import shutil
+import time
 from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 
-from tactile_kit.files import write_atomically
+from tactile_kit.runs.disk import Appended, Disk
 
 WINDOW = 500  # episodes that the smoothed figures run over, at least
+_WAITS = "it waits in memory, the training goes on"
 
 
 class Tracker(BaseCallback):
@@ -105,38 +111,68 @@ class Tracker(BaseCallback):
 
 
 class MetricsFile:
-    """metrics.jsonl, one JSON object a line, and the same numbers for TensorBoard.
+    """metrics.jsonl, one JSON object a line, and the same numbers for TensorBoard. On a full disk lines wait for room.
 
     Args:
         directory: the run directory.
         step: environment steps of the checkpoint resumed from (0 for a fresh run): later lines are dropped.
+        disk: what tells of a disk that refuses them.
     """
 
-    def __init__(self, directory: Path, step: int = 0) -> None:
-        from torch.utils.tensorboard import SummaryWriter
-
-        self.path = directory / "metrics.jsonl"
-        if self.path.exists():
-            kept = [line for line in self.path.read_bytes().splitlines() if _step_of(line) <= step]
-            write_atomically(self.path, b"".join(line + b"\n" for line in kept) if step else b"")
+    def __init__(self, directory: Path, step: int, disk: Disk) -> None:
+        self._disk = disk
+        self._lines = Appended(directory / "metrics.jsonl")
+        if self._lines.path.exists():
+            os.truncate(self._lines.path, _kept(self._lines.path.read_bytes(), step))
+        board = directory / "tensorboard"
         if not step:  # curves of a start that never reached a checkpoint
-            shutil.rmtree(directory / "tensorboard", ignore_errors=True)
-        self._file = self.path.open("a", encoding="utf-8")
-        self._board = SummaryWriter(str(directory / "tensorboard"), purge_step=step or None)
+            shutil.rmtree(board, ignore_errors=True)
+        self._board = Appended(
+            board / f"events.out.tfevents.{time.time():.6f}.{platform.node()}.{os.getpid()}"
+        )
+        self._add_events([{"file_version": "brain.Event:2"}, *_resumed(step)])
 
     def write(self, line: dict[str, Any]) -> None:
         """Append a line; numbers that are not finite raise ValueError."""
-        self._file.write(json.dumps(line, allow_nan=False) + "\n")
-        self._file.flush()
+        text = json.dumps(line, allow_nan=False) + "\n"
+        self._disk.attempt("metrics.jsonl", _WAITS, lambda: self._lines.add(text.encode()))
         group = "evaluation" if line.get("evaluation") else "training"
-        for name, value in line.items():
-            if isinstance(value, (int, float)) and not isinstance(value, bool) and name != "step":
-                self._board.add_scalar(f"{group}/{name}", value, line["step"])
-        self._board.flush()
+        self._add_events(
+            {"step": line["step"], "summary": {"value": [{"tag": f"{group}/{name}", "simple_value": value}]}}
+            for name, value in line.items()
+            if isinstance(value, (int, float)) and not isinstance(value, bool) and name != "step"
+        )
+
+    def _add_events(self, events: Iterable[dict[str, Any]]) -> None:
+        """Add to TensorBoard's file; its own writer ends for good with the first write that fails."""
+        from tensorboard.compat.proto.event_pb2 import Event
+        from tensorboard.summary.writer.record_writer import RecordWriter
+
+        buffer = io.BytesIO()
+        writer = RecordWriter(buffer)
+        for event in events:
+            writer.write(Event(wall_time=time.time(), **event).SerializeToString())
+        self._disk.attempt("tensorboard", _WAITS, lambda: self._board.add(buffer.getvalue()))
 
     def close(self) -> None:
-        self._file.close()
-        self._board.close()
+        """Write what still waits, if there is room for it by now."""
+        self._disk.attempt("metrics.jsonl", _WAITS, self._lines.flush)
+        self._disk.attempt("tensorboard", _WAITS, self._board.flush)
+
+
+def _resumed(step: int) -> list[dict[str, Any]]:
+    """The event that makes TensorBoard drop what an earlier start wrote after ``step``."""
+    return [{"step": step + 1, "session_log": {"status": "START"}}] if step else []
+
+
+def _kept(data: bytes, step: int) -> int:
+    """Bytes of ``data`` up to the last whole line that is not after ``step``; 0 for a fresh run."""
+    end = at = 0
+    for line in data.splitlines(keepends=True) if step else ():
+        at += len(line)
+        if line.endswith(b"\n") and _step_of(line) <= step:
+            end = at
+    return end
 
 
 def read_metrics(directory: str | Path) -> list[dict[str, Any]]:
@@ -152,5 +188,5 @@ def read_metrics(directory: str | Path) -> list[dict[str, Any]]:
 def _step_of(line: bytes) -> float:
     try:
         return float(json.loads(line)["step"])
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return math.inf  # cut short

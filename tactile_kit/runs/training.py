@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +15,12 @@ import numpy as np
 import torch
 
 from randomization import derive
-from tactile_kit.errors import CheckpointError, ConfigError
+from tactile_kit.errors import CheckpointError, ConfigError, RunError
 from tactile_kit.files import json_bytes, read_json, settle, write_atomically
 from tactile_kit.runs import checkpoint as checkpoints
 from tactile_kit.runs.config import RunConfig, differences
 from tactile_kit.runs.directory import hardware, locked, revision, versions
+from tactile_kit.runs.disk import Disk
 from tactile_kit.runs.fitting import require_values
 from tactile_kit.runs.metrics import MetricsFile, Tracker, read_metrics
 from tactile_kit.runs.progress import Progress
@@ -53,6 +55,7 @@ def train(
     Raises:
         LockedError: another process works on the directory. ConfigError: it holds a run of other settings or versions,
         with a readable difference. CheckpointError: all its checkpoints are damaged. FloatingPointError: it diverged.
+        RunError: at its start or end the disk is full; in between that is told and work goes on.
     """
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
@@ -69,9 +72,11 @@ def train(
         torch.manual_seed(
             derive(config.seed, "learner", "default")
         )  # nothing should draw from it, but then it repeats
-        write_atomically(directory / "config.yaml", config.to_yaml().encode())
-        _write_record(directory, resumed=saved)
+        _write_config(directory / "config.yaml", config.to_yaml().encode())
         progress = Progress(whole_rollouts(config), saved.step if saved else 0, directory.name, quiet)
+        disk = Disk(progress.say)
+        record = partial(_write_record, directory, resumed=saved)
+        disk.attempt("run.json", "this start is not in it", record)
         for message in [*messages, *starting(config, directory, saved, killed)]:
             progress.say(message)
         env = make_env(config) if make_env else default_env(config, quiet)
@@ -90,9 +95,9 @@ def train(
                 from tactile_kit.agents.teacher import Lessons, Teacher
 
                 run.learner.lessons = Lessons(Teacher(config.ppo.teacher, env), config.ppo.taught_steps)
-            metrics = MetricsFile(directory, run.learner.num_timesteps)
+            metrics = MetricsFile(directory, run.learner.num_timesteps, disk)
             try:
-                _loop(run, metrics, progress)
+                _loop(run, metrics, progress, disk)
             finally:
                 metrics.close()
         finally:
@@ -174,7 +179,7 @@ def rest_action(env: Any) -> tuple[float, ...] | None:
     return tuple(float(value) for value in (FIRM_GRASP - middle) / half)
 
 
-def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
+def _loop(run: Run, metrics: MetricsFile, progress: Progress, disk: Disk) -> None:
     config, learner = run.config, run.learner
     before = run.hours
     begin = time.monotonic()
@@ -182,8 +187,16 @@ def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
     progress.begin()
     run.begin_episodes()
     learner._setup_learn(config.steps, run.tracker, reset_num_timesteps=False)
-    last_save, last_save_step = time.monotonic(), learner.num_timesteps
-    last_evaluation = time.monotonic()
+    saved = last_save_step = learner.num_timesteps
+    last_save = last_evaluation = time.monotonic()
+
+    def aside(look: Callable[[Run, MetricsFile, Progress], None]) -> None:
+        """An evaluation; its seconds are none of training."""
+        nonlocal pause
+        started = time.monotonic()
+        disk.attempt("an evaluation", "it is left out", lambda: look(run, metrics, progress))
+        pause += time.monotonic() - started
+
     line_time, line_step = time.monotonic(), learner.num_timesteps
     with _signals() as stop:
         while not stop.is_set():
@@ -211,23 +224,18 @@ def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
             due = now + ahead - last_save >= min(wait, limits.minutes * 60)
             due |= 0 < limits.steps <= step - last_save_step
             if due and step < config.steps:
-                try:
-                    run.save()
-                except OSError as problem:
-                    progress.say(f"could not save a checkpoint ({problem}); the one before stays")
+                if disk.attempt("a checkpoint", "the one before stays", run.save):
+                    saved = step
                 run.begin_episodes()
                 last_save, last_save_step = time.monotonic(), step
             minutes = config.evaluation.minutes
             if minutes and now - last_evaluation >= minutes * 60 and step < config.steps:
-                pause += _evaluate(run, metrics, progress)
+                aside(_evaluate)
                 last_evaluation = time.monotonic()
             every = config.evaluation.steps
             if every and step // every > begun // every:
-                pause += _look(run, metrics)
-        if learner.num_timesteps > last_save_step:
-            run.save()
-        else:
-            run.export()  # a kill may have come between the last checkpoint and its export
+                aside(_look)
+        _save_last(run, saved)
         if run.calm.over:
             progress.say(f"success has levelled off; over at {learner.num_timesteps:,} steps")
         elif stop.is_set():
@@ -235,6 +243,21 @@ def _loop(run: Run, metrics: MetricsFile, progress: Progress) -> None:
         if run.over and _evaluation_due(config, run.directory, learner.num_timesteps):
             _evaluate(run, metrics, progress)
             run.export()
+
+
+def _save_last(run: Run, saved: int) -> None:
+    """Leave all that was trained since the checkpoint at ``saved`` steps. Raises RunError where the disk refuses."""
+    step = run.learner.num_timesteps
+    try:
+        if step > saved:
+            run.save()
+        else:
+            run.export()  # a kill may have come between the last checkpoint and its export
+    except OSError as problem:
+        raise RunError(
+            f"{run.directory}: at {step:,} steps it could not be saved ({problem}); make room and run again: "
+            "it goes on from the newest checkpoint"
+        ) from None
 
 
 def _line(run: Run, rate: float) -> dict[str, Any]:
@@ -245,12 +268,12 @@ def _line(run: Run, rate: float) -> dict[str, Any]:
     return line | run.learner.metrics()
 
 
-def _evaluate(run: Run, metrics: MetricsFile, progress: Progress) -> float:
-    """Held-out evaluation of the agent as it is now; returns the seconds it took."""
+def _evaluate(run: Run, metrics: MetricsFile, progress: Progress) -> None:
+    """Held-out evaluation of the agent as it is now."""
     from tactile_kit.agents.agent import load_agent
     from tactile_kit.evaluation import evaluate
 
-    settings, begin = run.config.evaluation, time.monotonic()
+    settings = run.config.evaluation
     run.export()
     agent = load_agent(run.directory)
     rows = evaluate(
@@ -277,21 +300,19 @@ def _evaluate(run: Run, metrics: MetricsFile, progress: Progress) -> float:
     }
     metrics.write(run.evaluation)
     progress.say(f"evaluation: success rate {successes / len(rows):.3f} over {len(rows)} episodes")
-    return time.monotonic() - begin
 
 
-def _look(run: Run, metrics: MetricsFile) -> float:
-    """A point of the held-out curve, in the compiled physics; returns the seconds it took."""
+def _look(run: Run, metrics: MetricsFile, progress: Progress) -> None:
+    """A point of the held-out curve, in the compiled physics."""
     from tactile_kit.agents.agent import load_agent
     from tactile_kit.evaluation.compiled import held_out
 
-    config, begin = run.config, time.monotonic()
+    config = run.config
     run.export()
     agent, objects = load_agent(run.directory), config.evaluation.objects or config.objects
     found = held_out(agent, objects, config.evaluation.episodes, seed=config.seed, threads=config.num_workers)
     line = {f"held_out/{name}": value for name, value in found._asdict().items()}
     metrics.write({"step": run.learner.num_timesteps, "hours": round(run.hours, 5), **line})
-    return time.monotonic() - begin
 
 
 def _estimates(run: Run, agent: Any) -> dict[str, float]:
@@ -331,6 +352,17 @@ def _completed(settings: Any) -> Any:
         return RunConfig.build(settings).to_dict()
     except ConfigError:  # a setting that is gone: the difference shows it
         return settings
+
+
+def _write_config(path: Path, content: bytes) -> None:
+    """Nothing where it is there already: a run goes on though its disk is full. Raises RunError."""
+    try:
+        if not path.exists() or path.read_bytes() != content:
+            write_atomically(path, content)
+    except OSError as problem:
+        raise RunError(
+            f"{path}: can't be written ({problem}); no run starts without its settings on disk"
+        ) from None
 
 
 def _write_record(directory: Path, resumed: checkpoints.Checkpoint | None) -> None:

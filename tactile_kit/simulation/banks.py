@@ -1,29 +1,36 @@
 """Banks of grasps: kept in the cache an object and size, named by all that they depend on, found by worker processes.
 
 What is found does not depend on the number of workers: each bank is one search with a random stream of its own. A bank
-is written when it is whole, so a search that was killed goes on with the next one that is missing.
+is written when it is whole, so a search that was killed goes on with the next one that is missing. What is read is in
+memory from then on: the cache may be deleted at any time.
 """
 
 from __future__ import annotations
 
+import contextlib
+import errno
 import hashlib
 import json
+import logging
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from object_sets import Object
-from object_sets.storage import cache_directory, json_bytes, npz_bytes, write_atomic
+from object_sets.errors import DataError
+from object_sets.storage import cache_directory, read_sealed, sealed, write_atomic
 from tactile_kit.hand import urdf
 from tactile_kit.processes import Workers
 from tactile_kit.progress import Counter
 from tactile_kit.simulation.config import SimulationConfig
 from tactile_kit.simulation.grasps import RECIPE, Grasp, GraspBank, GraspError, find_grasps
 from tactile_kit.simulation.world import World
+
+log = logging.getLogger(__name__)
 
 Report = Callable[[int, int], None]  # how many banks are there, of how many
 PATIENCE = 10.0  # s that a search may last before lines tell of it
@@ -86,9 +93,17 @@ def bank_file(finder: Finder, thing: Object) -> Path:
     return cache_directory() / "grasps" / f"{hashlib.sha256(settings.encode()).hexdigest()[:24]}.npz"
 
 
-def save(path: Path, grasps: Sequence[Grasp]) -> None:
-    """Write a bank, whole."""
-    write_atomic(path, npz_bytes({name: np.stack([getattr(g, name) for g in grasps]) for name in FIELDS}))
+class Found(NamedTuple):
+    """What a search has found, whether the cache could keep it or not.
+
+    ``refused`` says why the object can't be held, and is empty where there is a ``bank``; ``unkept``: why not in the
+    cache, empty where it is.
+    """
+
+    thing: Object
+    bank: GraspBank | None
+    refused: str = ""
+    unkept: str = ""
 
 
 def find_banks(
@@ -100,6 +115,9 @@ def find_banks(
 ) -> tuple[list[Object], GraspBank]:
     """For each of ``choices`` the first object in it that can be held, and the bank over them.
 
+    A file of the cache that is damaged is told, and what was in it looked for again. What is found on a disk that is
+    full is used all the same, and told.
+
     Args:
         finder: what looks for the grasps that the cache does not hold.
         choices: sizes of an object in the order in which they are tried.
@@ -108,21 +126,24 @@ def find_banks(
         quiet: show nothing there.
 
     Raises:
-        GraspError: nothing among one of the choices can be held, or a file of the cache is damaged.
+        GraspError: nothing among one of the choices can be held.
         CacheError: something has to be found, and the cache can't be written to.
     """
-    things = [_known(finder, choice) for choice in choices]
-    missing = [at for at, thing in enumerate(things) if thing is None]
+    found = [_known(finder, choice) for choice in choices]
+    missing = [at for at, one in enumerate(found) if one is None]
     if missing:
         _require_writable(cache_directory() / "grasps")
-        done = len(choices) - len(missing)
+        done, unkept = len(choices) - len(missing), ""
         counter = Counter(
             len(choices), done, "grasps", "objects and sizes", quiet or report is not None, PATIENCE
         )
         try:
             counter.show(done)
-            for at, thing in _found(finder, choices, missing, num_workers):
-                things[at] = thing
+            for at, one in _found(finder, choices, missing, num_workers):
+                found[at] = one
+                if one.unkept and not unkept:
+                    log.warning("%s; they are used, and looked for again the next time", one.unkept)
+                unkept = unkept or one.unkept
                 done += 1
                 counter.show(done)
                 if report is not None:
@@ -131,28 +152,46 @@ def find_banks(
             counter.close()
     elif report is not None:
         report(len(choices), len(choices))
-    held = [thing for thing in things if thing is not None]
-    return held, GraspBank.joined([_read(bank_file(finder, thing)) for thing in held])
+    held = [one for one in found if one is not None and one.bank is not None]
+    return [one.thing for one in held], GraspBank.joined([one.bank for one in held if one.bank is not None])
 
 
-def _known(finder: Finder, choice: Sequence[Object]) -> Object | None:
-    """What of ``choice`` the cache says can be held; None if a search has to tell."""
+def _known(finder: Finder, choice: Sequence[Object]) -> Found | None:
+    """What of ``choice`` the cache says can be held; None if a search has to tell. A damaged file is told and goes."""
     for thing in choice:
-        path = bank_file(finder, thing)
-        if path.exists():
-            return thing
-        if not _refusal(path).exists():
-            return None
-    raise GraspError(_refused(finder, choice), choice[0].name)
+        found = _cached(finder, thing)
+        if found is None or found.bank is not None:
+            return found
+        refused = found.refused
+    raise _none_of(choice, refused)
 
 
-def _found(finder: Finder, choices: Sequence[Sequence[Object]], missing: list[int], num_workers: int) -> Any:
-    """Pairs of a place among ``choices`` and the object there that can be held, in any order."""
+def _cached(finder: Finder, thing: Object) -> Found | None:
+    path = bank_file(finder, thing)
+    try:
+        arrays = read_sealed(path)
+        if arrays is not None:
+            return Found(thing, _bank(arrays))
+        arrays = read_sealed(_refusal(path))
+        if arrays is not None:
+            return Found(thing, None, arrays["refused"].tobytes().decode())
+    except (DataError, OSError) as problem:
+        log.warning("%s: no usable grasps (%s); looks for them again", path, problem)
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)
+            _refusal(path).unlink(missing_ok=True)
+    return None
+
+
+def _found(
+    finder: Finder, choices: Sequence[Sequence[Object]], missing: list[int], num_workers: int
+) -> Iterator[tuple[int, Found]]:
+    """Pairs of a place among ``choices`` and what was found there, in any order."""
     count = min(num_workers, -(-len(missing) // finder.worth))
     if count > 1:
         with Workers(count, _begin, (finder,)) as workers:
-            for number, thing in workers.as_they_end(_settle, [choices[at] for at in missing]):
-                yield missing[number], thing
+            for number, found in workers.as_they_end(_settle, [choices[at] for at in missing]):
+                yield missing[number], found
         return
     try:
         for at in missing:
@@ -161,42 +200,54 @@ def _found(finder: Finder, choices: Sequence[Sequence[Object]], missing: list[in
         finder.close()
 
 
-def settle(finder: Finder, choice: Sequence[Object]) -> Object:
-    """The first of ``choice`` that can be held; the cache holds its bank then, and the refusals of those before it."""
+def settle(finder: Finder, choice: Sequence[Object]) -> Found:
+    """The first of ``choice`` that can be held; the cache keeps its bank, and the refusals of those before it."""
     for thing in choice:
-        path = bank_file(finder, thing)
-        if path.exists():  # another process may have been faster
-            return thing
-        if _refusal(path).exists():
-            continue
-        try:
-            save(path, finder.find(thing))
-        except GraspError as error:
-            write_atomic(_refusal(path), json_bytes({"refused": str(error)}))
-            continue
-        return thing
-    raise GraspError(_refused(finder, choice), choice[0].name)
+        found = _cached(finder, thing) or _searched(finder, thing)  # another process may have been faster
+        if found.bank is not None:
+            return found
+        refused = found.refused
+    raise _none_of(choice, refused)
+
+
+def _searched(finder: Finder, thing: Object) -> Found:
+    path = bank_file(finder, thing)
+    try:
+        grasps = finder.find(thing)
+    except GraspError as error:
+        refused = np.frombuffer(str(error).encode(), np.uint8)
+        found = Found(thing, None, str(error))
+        data = sealed({"refused": refused}, _refusal(path).stem)
+        path = _refusal(path)
+    else:
+        arrays = _stacked(grasps)
+        found, data = Found(thing, _bank(arrays)), sealed(arrays, path.stem)
+    try:
+        write_atomic(path, data)
+    except OSError as problem:  # a search is worth more than its place on the disk
+        return found._replace(unkept=f"{path.parent}: grasps can't be kept there ({problem.strerror})")
+    return found
 
 
 def _refusal(path: Path) -> Path:
     """Says why there is no bank, so that nobody looks for it again."""
-    return path.with_suffix(".json")
+    return path.with_name(f"{path.stem}.refused.npz")
 
 
-def _refused(finder: Finder, choice: Sequence[Object]) -> str:
-    refusal = json.loads(_refusal(bank_file(finder, choice[-1])).read_text(encoding="utf-8"))["refused"]
+def _none_of(choice: Sequence[Object], last: str) -> GraspError:
+    """What to raise where none of ``choice`` can be held; ``last``: why not the last one."""
     if len(choice) == 1:
-        return str(refusal)
-    return f"{choice[0].name}: none of {len(choice)} sizes can be held; the last one: {refusal}"
+        return GraspError(last, choice[0].name)
+    said = f"{choice[0].name}: none of {len(choice)} sizes can be held; the last one: {last}"
+    return GraspError(said, choice[0].name)
 
 
-def _read(path: Path) -> GraspBank:
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in FIELDS}
-    except Exception as error:  # zipfile, zlib and numpy raise a dozen kinds on broken input
-        raise GraspError(f"{path}: no readable bank of grasps ({error}); delete the file") from error
-    return GraspBank(**arrays, start=np.array([0, len(arrays["joints"])]))
+def _stacked(grasps: Sequence[Grasp]) -> dict[str, np.ndarray]:
+    return {name: np.stack([getattr(grasp, name) for grasp in grasps]) for name in FIELDS}
+
+
+def _bank(arrays: Mapping[str, np.ndarray]) -> GraspBank:
+    return GraspBank(**{name: arrays[name] for name in FIELDS}, start=np.array([0, len(arrays["joints"])]))
 
 
 def _require_writable(folder: Path) -> None:
@@ -205,6 +256,8 @@ def _require_writable(folder: Path) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EIO):
+            return  # what is found is used without being kept
         raise CacheError(
             f"{folder}: grasps have to be found and can't be kept there ({error.strerror}); make it writable, or set "
             "TACTILE_KIT_CACHE to another folder"
@@ -219,5 +272,5 @@ def _begin(finder: Finder) -> None:
     _mine = finder
 
 
-def _settle(choice: Sequence[Object]) -> Object:
+def _settle(choice: Sequence[Object]) -> Found:
     return settle(_mine, choice)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import itertools
+import logging
+import os
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -16,24 +19,38 @@ from tactile_kit.hand.kinematics import FINGERS
 from tactile_kit.hand.urdf import hand_urdf
 from tactile_kit.rotations import to_quaternion
 
+log = logging.getLogger(__name__)
+
 MIN_MASS = 1e-3  # kg; no drawn offset takes an object below it
 
 
 def _write_once(path: Path, text: str) -> Path:
     """Write atomically unless the (content-named) file is there already with this text."""
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
-        write_atomic(path, text.encode())
+    data = text.encode()
+    try:
+        there = path.read_bytes() == data
+    except FileNotFoundError:
+        there = False
+    if not there:
+        write_atomic(path, data)
     return path
+
+
+def _for_bullet(name: str, text: str) -> Path:
+    """A file of that text, for Bullet reads nothing else: in the cache or, on a full disk, among temporary files."""
+    try:
+        return _write_once(cache_directory() / name, text)
+    except OSError as problem:
+        spare = Path(tempfile.gettempdir()) / f"tactile-kit-{os.getuid()}" / name
+        log.warning("%s: can't be written (%s); takes %s", cache_directory() / name, problem.strerror, spare)
+        return _write_once(spare, text)
 
 
 def finger_files() -> list[Path]:
     """URDFs of the single fingers in the cache, named by their content."""
     texts = [hand_urdf([finger]) for finger in range(FINGERS)]
     return [
-        _write_once(
-            cache_directory() / "hand" / f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.urdf", text
-        )
-        for text in texts
+        _for_bullet(f"hand/{hashlib.sha256(text.encode()).hexdigest()[:16]}.urdf", text) for text in texts
     ]
 
 
@@ -72,21 +89,19 @@ class Body:
         self._identity = bool(np.allclose(axes, np.eye(3)) and np.allclose(self.com, 0, atol=1e-9))
         self._vertices = [part.tolist() for part in thing.parts]
         self._surface = thing.vertices[thing.faces].reshape(-1, 3)  # corner by corner, for flat shading
-        self._file = None
-        if len(thing.parts) > 1:
-            self._file = str(
-                _write_once(cache_directory() / "bodies" / f"{thing.digest}.obj", _obj_text(thing.parts))
-            )
+        self._text = _obj_text(thing.parts) if len(thing.parts) > 1 else ""
 
     def shape(self, bullet) -> int:
         """Make the collision shape in the client ``bullet``, for any number of bodies; returns its id."""
-        if self._file is None:
-            shape = bullet.createCollisionShape(bullet.GEOM_MESH, vertices=self._vertices[0])
+        file = ""
+        if self._text:
+            file = str(_for_bullet(f"bodies/{self.thing.digest}.obj", self._text))
+            shape = bullet.createCollisionShape(bullet.GEOM_MESH, fileName=file)
         else:
-            shape = bullet.createCollisionShape(bullet.GEOM_MESH, fileName=self._file)
+            shape = bullet.createCollisionShape(bullet.GEOM_MESH, vertices=self._vertices[0])
         if shape < 0:
             raise RuntimeError(
-                f"Bullet made no collision shape for {self.name} ({self._file or 'one convex part'})"
+                f"Bullet made no collision shape for {self.name} ({file or 'one convex part'})"
             )
         return shape
 

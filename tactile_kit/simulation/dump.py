@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from object_sets.storage import NUMBERS, read_npz
 from tactile_kit.files import write_atomically
 from tactile_kit.hand.kinematics import ALL_JOINTS, JOINTS
 
@@ -61,13 +61,12 @@ def read(path: str | Path) -> Dump:
     """The dump in ``path``; nothing is unpickled. Raises DumpError naming file and defect."""
     path = Path(path)
     try:
-        with np.load(path, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
+        arrays = read_npz(path.read_bytes(), path, f"{NUMBERS}U")
         head = json.loads(str(arrays.pop("head")))
         actions = arrays.pop("actions")
     except OSError as problem:
         raise DumpError(f"{path}: {problem.strerror or problem}") from None
-    except (ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as problem:
+    except (ValueError, KeyError, RecursionError) as problem:
         raise DumpError(f"{path}: no dump of a fault ({problem})") from None
     if not isinstance(head, dict) or head.get("schema") != SCHEMA:
         found = head.get("schema") if isinstance(head, dict) else head

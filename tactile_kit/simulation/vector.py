@@ -41,6 +41,7 @@ class VectorSimulation:
     """
 
     faults: Path | None = None
+    _told = False  # that a fault could not be written
 
     def __init__(self, blueprint: Blueprint, environments: int, workers: int) -> None:
         if environments < 1:
@@ -151,12 +152,14 @@ class VectorSimulation:
     def _keep(self, dump: Dump) -> None:
         if self.faults is None:
             return
-        number = len(list(self.faults.glob("fault-*.npz")))
-        if number < MAX_DUMPS:
-            try:
+        try:
+            number = len(list(self.faults.glob("fault-*.npz")))
+            if number < MAX_DUMPS:
                 write(self.faults / f"fault-{number:03d}.npz", dump)
-            except OSError as problem:  # the episodes are worth more than a record of their faults
+        except OSError as problem:  # the episodes are worth more than a record of their faults
+            if not self._told:
                 warnings.warn(f"{self.faults}: no dump of a fault could be written: {problem}", stacklevel=2)
+            self._told = True
 
     def _require_open(self) -> None:
         if self._group is None and not self._pipes:

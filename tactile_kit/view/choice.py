@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -77,12 +78,11 @@ class Choice:
             return self.preset
         physics = self.physics()
         path = cache_directory() / "view" / f"randomization-{derive(0, repr(physics.terms)):x}.yaml"
-        if not path.exists():
-            scratch = path.with_suffix(".tmp.yaml")
-            path.parent.mkdir(parents=True, exist_ok=True)
-            randomization.write_randomization(physics, scratch)
-            write_atomic(path, scratch.read_bytes())
-            scratch.unlink()
+        scratch = path.with_suffix(f".{os.getpid()}.tmp.yaml")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        randomization.write_randomization(physics, scratch)
+        write_atomic(path, scratch.read_bytes())  # also over one that is damaged
+        scratch.unlink()
         return str(path)
 
     def variants(self, task: Any) -> Variants:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import pickle
+import resource
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load
 from toy_task import ToyEnv
 
 from tactile_kit.agents import Agent, AgentError, load_agent
@@ -110,16 +113,86 @@ def test_damaged_directories_are_refused(tmp_path: Path) -> None:
     refused("surprise")
     edit(tmp_path, weights={"../policy.safetensors": "0", "policy.safetensors": "0"})
     refused("allowed")
-    edit(tmp_path, encoding="vec_bsp")
+    task = json.loads(manifest)["task"]
+    edit(tmp_path, encoding="vec_bsp", task={**task, "encoding": "vec_bsp"})
     with pytest.raises(ValueError, match="vec_bps"):
         load_agent(tmp_path)
     (tmp_path / "agent.json").write_bytes(manifest)
     edit(tmp_path, task={"objets": "cube"})
     refused("objects")
     edit(tmp_path, kind="tactile")
+    policy.write_bytes(tensor_bytes(load(good)))
+    replace_weights(tmp_path, policy.read_bytes())
     refused("without an estimator")
     with pytest.raises(AgentError, match=r"agent\.json: no such file"):
         load_agent(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        ({"encoding": "bps"}, "encoding 'bps' where task.encoding is 'none'"),
+        ({"objects": "apple"}, "objects 'apple' where task.objects is 'cube'"),
+        ({"encoding": "bps", "task.encoding": "bps"}, "weights of another agent"),
+        ({"objects": "apple", "task.objects": "apple"}, "weights of another agent"),
+        ({"seed": 7}, "weights of another agent"),
+        ({"network.layers.activation": "relu"}, "weights of another agent"),
+    ],
+)
+def test_what_weights_are_of_can_not_be_altered_alone(tmp_path: Path, changes: dict, match: str) -> None:
+    """Evaluations would be called another agent's. Agents from before weights said so are read as ever."""
+    export(tmp_path)
+    whole, policy = json.loads((tmp_path / "agent.json").read_text()), tmp_path / "policy.safetensors"
+    assert load_agent(tmp_path).manifest.identity in policy.read_bytes().decode("latin-1")
+    data = json.loads(json.dumps(whole))
+    for key, value in changes.items():
+        *parents, name = key.split(".")
+        place = data
+        for parent in parents:
+            place = place[parent]
+        place[name] = value
+    edit(tmp_path, **data)
+    with pytest.raises(AgentError, match=match):
+        load_agent(tmp_path)
+    edit(tmp_path, **whole)
+    replace_weights(tmp_path, tensor_bytes(load(policy.read_bytes())))
+    edit(tmp_path, seed=7)
+    assert load_agent(tmp_path).manifest.seed == 7
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        (
+            {"network": {"layers": {"hidden": [10_000_000, 10_000_000]}, "squashed": False}},
+            "less than or equal",
+        ),
+        ({"network": {"layers": {"hidden": [1] * 1000}, "squashed": False}}, "at most 32"),
+        ({"network": {"layers": {"hidden": []}, "squashed": False}}, "at least 1"),
+        ({"network": {"layers": {"hidden": [65_536] * 32}, "squashed": False}}, "do not fit"),
+        (
+            {"network": {"layers": {"hidden": [32, 24]}, "squashed": False, "actions": 10**9}},
+            "less than or equal",
+        ),
+        ({"layout": [["joints", 10**12]]}, "less than or equal"),
+        ({"layout": [["joints", -1]]}, "greater than or equal"),
+        ({"layout": [["joints", 50_000]] * 100}, "layout of 5,000,000 numbers"),
+        ({"layout": [["joints", 50_000]] * 10}, "do not fit"),
+        ({"hours": float("inf")}, "finite"),
+    ],
+)
+def test_sizes_are_refused_before_anything_of_them_is_allocated(
+    tmp_path: Path, changes: dict, match: str
+) -> None:
+    export(tmp_path)
+    policy = tmp_path / "policy.safetensors"
+    replace_weights(tmp_path, tensor_bytes(load(policy.read_bytes())))
+    edit(tmp_path, **changes)
+    begin, before = time.process_time(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(AgentError, match=match):
+        load_agent(tmp_path)
+    assert time.process_time() - begin < 2
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200_000  # KiB
 
 
 class Bomb:

@@ -211,6 +211,26 @@ def test_ppo_normaliser_moves_after_the_update_only() -> None:
     assert counts == [0.0, 256.0, 512.0]
 
 
+def test_a_teacher_far_from_its_student_ends_nothing() -> None:
+    """Where it acts, the student's own density of the action is so small that the ratio of PPO is beyond float32."""
+    far = torch.full((8, 12), 0.9)
+    ppo = PPO(ToyEnv(8), PPO_TOY, seed=0)
+    ppo.log_std = -4.0
+
+    class Lessons:
+        go_on = staticmethod(lambda step: step <= 2 * 8 * 32)
+        learning_rate = staticmethod(lambda step: 1e-2)
+        show = staticmethod(lambda mean, step: (far, far))
+
+    ppo.lessons = Lessons()  # type: ignore[assignment]
+    seen = []
+    for _ in range(3):
+        ppo.learn(8 * 32, reset_num_timesteps=False)
+        seen.append(ppo.metrics())
+    assert ["policy_loss" in figures for figures in seen] == [False, False, True]
+    assert all(math.isfinite(value) for figures in seen for value in figures.values())
+
+
 def test_divergence_of_learning_is_an_error() -> None:
     ppo = PPO(ToyEnv(4), PPO_TOY, seed=0)
     with torch.no_grad():

@@ -16,7 +16,7 @@ def test_lines_are_kept_and_the_same_lines_give_the_same_bytes(tmp_path):
     lines = [
         dataclasses.replace(LINE, time=1.0, end=""),
         LINE,
-        dataclasses.replace(LINE, theta=0.5, end="drop"),
+        dataclasses.replace(LINE, goal=4, theta=0.5, end="drop"),
     ]
     for name in ("a.csv", "b.csv"):
         write_courses(tmp_path / name, lines)
@@ -49,7 +49,15 @@ def test_malformed_lines_are_refused_by_name(tmp_path, change, said):
         read_courses(path)
 
 
+def test_a_moment_that_comes_twice_is_refused(tmp_path):
+    write_courses(tmp_path / "courses.csv", [LINE, dataclasses.replace(LINE, seed=78), LINE])
+    with pytest.raises(EpisodeFileError, match=r"courses\.csv, line 4: the moment of line 2 again"):
+        read_courses(tmp_path / "courses.csv")
+
+
 def test_other_files_are_refused(tmp_path):
+    with pytest.raises(EpisodeFileError, match="Is a directory"):
+        read_courses(tmp_path)
     with pytest.raises(EpisodeFileError, match="no such file"):
         read_courses(tmp_path / "nowhere.csv")
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")

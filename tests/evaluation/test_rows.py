@@ -59,6 +59,30 @@ def test_rows_that_contradict_themselves_are_refused(tmp_path, changes):
         write_rows(tmp_path / "rows.csv", [dataclasses.replace(ROW, **changes)])
 
 
+def test_an_episode_that_comes_twice_is_refused_by_line(tmp_path):
+    """Six episodes ten times over are six: n = 60 would narrow the interval."""
+    others = [dataclasses.replace(ROW, episode=number) for number in range(5)]
+    path = write_rows(tmp_path / "rows.csv", others)
+    header, *lines = path.read_text().splitlines()
+    path.write_text("\n".join([header, *lines * 10]) + "\n")
+    with pytest.raises(
+        EpisodeFileError, match=r"rows\.csv, line 7: the episode of line 2 again \(cube, size 0"
+    ):
+        read_rows(path)
+    worse = dataclasses.replace(others[3], theta=3.0, theta_min=1.0, success=False)
+    with pytest.raises(EpisodeFileError, match=r"line 7: the episode of line 5 again"):
+        write_rows(tmp_path / "other.csv", [*others, worse])
+    assert not (tmp_path / "other.csv").exists()
+
+
+def test_folders_and_bytes_are_refused_by_name(tmp_path):
+    with pytest.raises(EpisodeFileError, match=f"{tmp_path}: Is a directory"):
+        read_rows(tmp_path)
+    (tmp_path / "rows.csv").write_bytes(b"\xff\xfe")
+    with pytest.raises(EpisodeFileError, match=r"rows\.csv: no text in UTF-8"):
+        read_rows(tmp_path / "rows.csv")
+
+
 def test_an_angle_just_below_the_threshold_survives_rounding(tmp_path):
     row = dataclasses.replace(ROW, theta=0.4 - 1e-12)
     assert read_rows(write_rows(tmp_path / "rows.csv", [row]))[0].success

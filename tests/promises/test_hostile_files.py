@@ -56,6 +56,7 @@ def test_a_forged_digest_alone_changes_nothing(saved: Path) -> None:
         ({"values": [1]}, "values"),
         ({"values": {"config": {}}}, "versions"),
         ({"surprise": 1}, "surprise"),
+        ({"values": {"config": {}, "versions": {}, "hours": float("inf")}}, "Infinity"),
     ],
 )
 def test_forged_checkpoints_are_refused(saved: Path, changes: dict, match: str) -> None:
@@ -113,6 +114,10 @@ LAUGHS = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
         "[" * 2000,
         "steps: 9" + "9" * 5000,
         "\x00",
+        "steps: !!int ''",
+        "steps: !!bool often",
+        "steps: !!timestamp soon",
+        "steps: !!float ''",
     ],
     ids=[
         "apply",
@@ -125,6 +130,10 @@ LAUGHS = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
         "nesting",
         "long number",
         "null",
+        "no int",
+        "no bool",
+        "no date",
+        "no float",
     ],
 )
 @pytest.mark.parametrize("read", [RunConfig.from_yaml, randomization.preset], ids=["run", "randomization"])

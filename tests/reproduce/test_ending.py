@@ -38,6 +38,19 @@ def test_another_broken_pipe_is_one(capfd: pytest.CaptureFixture[str]) -> None:
         status_of(command)
 
 
+def test_a_full_disk_is_one_line(capfd: pytest.CaptureFixture[str]) -> None:
+    def command() -> int:
+        with open("/dev/full", "w") as file:
+            file.write("a table")
+        return 0
+
+    assert status_of(command) == 2
+    assert (
+        capfd.readouterr().err
+        == "reproduce: the disk refuses to be written to: [Errno 28] No space left on device\n"
+    )
+
+
 @pytest.mark.parametrize(
     "number, status, word", [(signal.SIGTERM, 143, "terminated"), (signal.SIGINT, 130, "interrupted")]
 )

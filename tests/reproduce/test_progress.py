@@ -77,3 +77,11 @@ def test_a_heartbeat_half_written_is_none(tmp_path: Path) -> None:
     Heartbeat(tmp_path, "table1")
     heartbeat.file_of(tmp_path, "table1").write_text('{"state": "run')
     assert heartbeat.read(tmp_path, "table1") is None and heartbeat.read(tmp_path, "table2") is None
+
+
+def test_a_heartbeat_that_can_not_be_written_ends_nothing(tmp_path: Path) -> None:
+    (tmp_path / "progress").write_text("in the way")
+    beat = Heartbeat(tmp_path, "table1")
+    beat(1, 1)
+    beat.end("done")
+    assert (tmp_path / "progress").read_text() == "in the way"

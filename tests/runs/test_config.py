@@ -90,13 +90,45 @@ def test_files_that_are_no_settings_are_refused(tmp_path: Path) -> None:
         path.write_text(text)
         with pytest.raises(ConfigError, match=match):
             RunConfig.from_yaml(path)
-    with pytest.raises(ConfigError, match="No such file"):
+    with pytest.raises(ConfigError, match="no such file"):
         RunConfig.from_yaml(tmp_path / "none.yaml")
     with pytest.raises(ConfigError, match="ppo-paper"):
         RunConfig.preset("ppo-papre")
     path.write_text(yaml.safe_dump({"preset": "ppo-smoke", "seed": 4, "ppo": {"epochs": 7}}))
     config = RunConfig.from_yaml(path)
     assert (config.seed, config.ppo.epochs, config.ppo.minibatch) == (4, 7, 512)
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("", "is empty"),
+        ("# nothing\n", "is empty"),
+        ("preset: [a]", r"preset: \['a'\]; allowed is one of ppo-compiled"),
+        ("preset: {a: 1}", "preset: "),
+        ("ppo: {minibatch: 1}", "ppo.minibatch: .*greater than or equal to 2"),
+        ("ppo: {learning_rate: .inf}", "ppo.learning_rate: .*finite"),
+        ("estimator: {learning_rate: .inf}", "estimator.learning_rate: .*finite"),
+        ("gravity: {start: .nan}", "gravity.start: .*finite"),
+        ("calm: {log_std: [.inf]}", "calm.log_std.0: .*finite"),
+        ("ppo: {actor: {hidden: [10000000, 10000000]}}", "ppo.actor.hidden.0: .*65536"),
+        ("ppo: {critic: {hidden: []}}", "ppo.critic.hidden: .*at least 1"),
+        ("estimator: {latent: 10000000000}", "estimator.latent: .*65536"),
+        ("task: [3]\nencoding: bps", r"task: \[3\]; allowed are keys"),
+        ("3: 4", "3: unknown"),
+    ],
+)
+def test_settings_that_no_run_can_have_are_named_in_one_line(tmp_path: Path, text: str, match: str) -> None:
+    path = tmp_path / "x.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=match) as caught:
+        RunConfig.from_yaml(path)
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_folder_in_place_of_a_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=f"{tmp_path}: Is a directory"):
+        RunConfig.from_yaml(tmp_path)
 
 
 def test_differences_let_steps_grow_and_intervals_change() -> None:

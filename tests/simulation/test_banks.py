@@ -17,9 +17,9 @@ import pytest
 from object_sets import Object
 from tactile_kit.progress import Counter
 from tactile_kit.simulation import banks
-from tactile_kit.simulation.banks import BulletFinder, CacheError, bank_file, find_banks, save
+from tactile_kit.simulation.banks import BulletFinder, CacheError, bank_file, find_banks
 from tactile_kit.simulation.config import SimulationConfig
-from tactile_kit.simulation.grasps import GraspBank, GraspError
+from tactile_kit.simulation.grasps import GraspError
 from tactile_kit.task.config import TaskConfig
 from tactile_kit.task.variants import prepare
 
@@ -122,16 +122,6 @@ def test_a_cache_that_can_not_be_written_to_is_refused_before_the_search(
     with pytest.raises(CacheError, match=r"file/cache/grasps: .*TACTILE_KIT_CACHE"):
         find_banks(finder, [(things["cube"],)])
     assert not finder.asked
-
-
-def test_a_damaged_bank_is_named(things, bank: GraspBank, cache) -> None:
-    finder = BulletFinder(1, SimulationConfig())
-    path = bank_file(finder, things["cube"])
-    save(path, [bank.grasp(0, 0)])
-    assert find_banks(finder, [(things["cube"],)])[1].count(0) == 1
-    path.write_bytes(path.read_bytes()[:-100])
-    with pytest.raises(GraspError, match=f"{path.name}: no readable bank"):
-        find_banks(finder, [(things["cube"],)])
 
 
 def test_a_search_shows_how_far_it_is(things, cache, monkeypatch, capsys) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import pickle
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -224,5 +225,8 @@ def test_faults_are_kept_in_a_folder_that_does_not_grow_for_ever(bodies, bank, t
     assert len(list(simulation.faults.iterdir())) == MAX_DUMPS
     simulation.faults = file  # no folder
     with pytest.warns(UserWarning, match="no dump of a fault could be written"):
+        simulation.step_wait()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # it is said once
         simulation.step_wait()
     simulation.close()
