@@ -47,11 +47,13 @@ def train(
 
     Returns:
         The directory. SIGTERM and SIGINT save a checkpoint and return early (``finished`` tells); a second one
-        interrupts at once.
+            interrupts at once.
 
     Raises:
-        LockedError: another process works on the directory. ConfigError: it holds a run of other settings or versions,
-        with a readable difference. CheckpointError: all its checkpoints are damaged. FloatingPointError: it diverged.
+        LockedError: another process works on the directory.
+        ConfigError: it holds a run of other settings or versions, with a readable difference.
+        CheckpointError: all its checkpoints are damaged.
+        FloatingPointError: it diverged.
     """
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
