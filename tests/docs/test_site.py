@@ -63,7 +63,9 @@ def test_pages_fit_and_ask_nobody(site: Path, browser, scheme: str) -> None:
             page.set_viewport_size({"width": width, "height": 800})
             # the drawer slides away first; what stays too wide runs into the time limit
             page.wait_for_function("document.documentElement.scrollWidth <= innerWidth", timeout=60_000)
-            cells = page.evaluate("[...document.querySelectorAll('td')].map(c => c.getBoundingClientRect().right)")
+            cells = page.evaluate(
+                "[...document.querySelectorAll('td')].map(c => c.getBoundingClientRect().right)"
+            )
             assert width > 360 or max(cells, default=0) <= width, f"{name} hides columns on a phone"
         ground = page.evaluate("getComputedStyle(document.body).backgroundColor")
         assert (sum(map(int, re.findall(r"\d+", ground)[:3])) < 300) == (scheme == "dark"), ground
@@ -75,10 +77,9 @@ def test_pages_fit_and_ask_nobody(site: Path, browser, scheme: str) -> None:
 def test_search_works_from_disk(site: Path, browser) -> None:
     page = browser.new_page(viewport={"width": 1300, "height": 800})
     page.goto((site / "api" / "tactile_kit.html").as_uri())
-    page.focus("input[name=query]")  # the index is read when the search is first wanted
-    ready = "!document.querySelector('.md-search-result__meta').textContent.includes('Initializing')"
-    page.wait_for_function(ready, timeout=90_000)
-    page.fill("input[name=query]", "kalman")
+    page.wait_for_selector("iframe", timeout=90_000, state="attached")  # the search's worker is there
+    page.click("input[name=query]")  # only now the index is read
+    page.keyboard.type("kalman")
     page.wait_for_selector(".md-search-result__item", timeout=90_000, state="attached")
     assert "Kalman" in page.inner_text(".md-search-result__list")
     page.close()
