@@ -33,9 +33,11 @@ def labels(made):
 def whiskers(made):
     """Boxes of the intervals' lines."""
     from matplotlib.collections import LineCollection
+    from matplotlib.transforms import Bbox
 
-    found = [collection for axes in made.axes for collection in axes.findobj(LineCollection)]
-    return [collection.get_window_extent().padded(0.5) for collection in found]  # a line has no width
+    lines = [lines for axes in made.axes for lines in axes.findobj(LineCollection)]
+    ends = [one.get_transform().transform(segment) for one in lines for segment in one.get_segments()]
+    return [Bbox([both.min(0), both.max(0)]).padded(0.5) for both in ends]  # a line has no width
 
 
 def touch(one, other) -> bool:
