@@ -10,6 +10,8 @@ from reproduce.style import missing_bar
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+TICKS = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
+
 
 def bar(axes: Axes, x: float, width: float, cell: Cell, colour: str) -> None:
     """The cell's success rate as a bar with its 95 % interval; the word where it is missing."""
@@ -18,7 +20,12 @@ def bar(axes: Axes, x: float, width: float, cell: Cell, colour: str) -> None:
         return
     axes.bar(x, cell.ours, width, color=colour, zorder=2)
     errors = [[max(0.0, cell.ours - cell.low)], [max(0.0, cell.high - cell.ours)]]
-    axes.errorbar(x, cell.ours, yerr=errors, color="#222222", linewidth=0.9, capsize=2, zorder=3)
-    axes.text(
-        x, min(cell.high, 0.97) + 0.012, f"{cell.ours:.2f}", ha="center", va="bottom", fontsize=6.5, zorder=4
-    )
+    axes.errorbar(x, cell.ours, yerr=errors, color="#222222", linewidth=0.7, capsize=1.5, zorder=3)
+    said = f"{cell.ours:.2f}".removeprefix("0")
+    axes.text(x, cell.high + 0.02, said, ha="center", va="bottom", fontsize=5.5, zorder=4)
+
+
+def rates(axes: Axes) -> None:
+    """The scale of success rates, with room for the number above a bar that reaches 1."""
+    axes.set_ylim(0, 1.1)
+    axes.set_yticks(TICKS)

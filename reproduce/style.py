@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,15 +14,23 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-ORACLE, TACTILE, GREY, PAPER = "#3b6fb6", "#e07b39", "#8a8f98", "#111111"
+COLUMN, PAGE = 3.5, 7.16  # inch: a column of the paper's two, and both; so text is as large as it says
+# Okabe and Ito's colours, which colour-blind readers tell apart
+ORACLE, TACTILE, ELSEWHERE = "#0072b2", "#d55e00", "#cc79a7"
+GREY, SOFT, PALE, PAPER = "#8a8f98", "#555b66", "#d0d4db", "#111111"
 LINES = (  # colours of encodings in the order of their registry, again from the start when there are more
-    "#c0392b", "#e07b39", "#3b6fb6", "#7d4fa8", "#1a9988", "#5a9e3d", "#555b66", "#a3337f", "#8a6d1d", "#2a2f8f",
+    TACTILE, "#e69f00", ORACLE, ELSEWHERE, "#009e73", "#56b4e9", PAPER, GREY,
 )  # fmt: skip
+SIGNS = 19  # of small print, an inch
 _SETTINGS = {
     "svg.hashsalt": "tactile_kit",  # element ids that don't change from run to run
     "font.family": "DejaVu Sans",  # comes with matplotlib, so the same everywhere
-    "font.size": 8.5,
-    "axes.titlesize": 9.5,
+    "font.size": 7.5,
+    "axes.titlesize": 8,
+    "axes.linewidth": 0.6,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "legend.fontsize": 7,
     "axes.titleweight": "bold",
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -31,7 +40,7 @@ _SETTINGS = {
     "grid.color": "#e4e6ea",
     "legend.frameon": False,
     "figure.dpi": 100,
-    "savefig.dpi": 160,
+    "savefig.dpi": 240,
 }
 
 
@@ -43,7 +52,7 @@ def line_of(encoding: str) -> tuple[str, str]:
 
 
 def figure(width: float, height: float, columns: int = 1, **options: object) -> tuple[Figure, Sequence[Axes]]:
-    """A figure of that size (inch) with a row of axes."""
+    """A figure of that size (inch; ``COLUMN`` or ``PAGE`` wide) with a row of axes."""
     import matplotlib.pyplot as plt
 
     reset()
@@ -77,19 +86,20 @@ def save(made: Figure, outputs: Sequence[Path]) -> None:
 
 
 def footnote(made: Figure, text: str) -> None:
-    """A line below the axes; constrained layout leaves room for it."""
-    made.supxlabel(text, fontsize=7.5, color="#555b66", x=0.01, ha="left")
+    """Small print below the axes, broken to the figure's width; constrained layout leaves room for it."""
+    lines = textwrap.fill(text, int(SIGNS * made.get_figwidth()))
+    made.supxlabel(lines, fontsize=6.5, color=SOFT, x=0.01, ha="left")
 
 
 def say_missing(axes: Axes, text: str) -> None:
     """Empty axes say in words what is missing, and draw no frame, scale or grid that would look like a result."""
     axes.set_axis_off()
-    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=GREY, fontsize=9)
+    axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", color=SOFT, fontsize=7.5)
 
 
 def missing_bar(axes: Axes, x: float, text: str = "missing") -> None:
     """The word where a bar would stand had the run been made; nothing that has a height."""
-    axes.text(x, 0.02, text, rotation=90, ha="center", va="bottom", fontsize=6.5, color=GREY)
+    axes.text(x, 0.02, text, rotation=90, ha="center", va="bottom", fontsize=5.5, color=SOFT)
 
 
 def steps_text(steps: Sequence[int]) -> str:

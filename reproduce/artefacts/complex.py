@@ -5,21 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from reproduce.bars import bar
+from reproduce.bars import bar, rates
 from reproduce.cells import Cell, rate_cell, write_cells
 from reproduce.inventory import ORACLE, TACTILE
 from reproduce.labels import complex_objects, object_label
 from reproduce.results import Results
+from reproduce.style import COLUMN, figure, footnote, save, steps_text
 from reproduce.style import ORACLE as BLUE
 from reproduce.style import TACTILE as ORANGE
-from reproduce.style import figure, footnote, save, steps_text
 
 
 def make(results: Results, outputs: Sequence[Path]) -> None:
     """``outputs``: PNG, SVG and a CSV of the bars."""
     objects = complex_objects()
     cells: list[Cell] = []
-    made, (axes,) = figure(5.6, 3.9)
+    made, (axes,) = figure(COLUMN, 2.9)
     for role, label, colour, shift in (
         (ORACLE, "Oracle VecBPS", BLUE, -0.2),
         (TACTILE, "Tactile VecBPS", ORANGE, 0.2),
@@ -36,14 +36,14 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
             bar(axes, place + shift, 0.36, cell, colour)
     axes.set_xticks(range(len(objects)), [object_label(item, True) for item in objects])
     axes.set_xlim(-0.6, len(objects) - 0.4)
-    axes.set_ylim(0, 1.05)
+    rates(axes)
     axes.set_ylabel("success rate")
-    made.legend(loc="outside upper center", ncols=1, fontsize=7.5)
+    made.legend(loc="outside upper center", ncols=1)
     count = sorted({cell.n for cell in cells if cell.n})
     n = f"{count[0]}" if len(count) == 1 else f"{count[0]} to {count[-1]}" if count else "no"
     footnote(
         made,
-        f"Scale {results.scale}. {n} episodes a bar (the paper: 6144), 95 % Wilson\nintervals."
+        f"Scale {results.scale}. {n} episodes a bar (the paper: 6144), 95 % Wilson intervals."
         " Objects 13-15 are stand-ins: the paper's meshes are not public.",
     )
     save(made, outputs)

@@ -11,7 +11,7 @@ from reproduce.cells import Cell, rate_cell, write_cells
 from reproduce.inventory import TACTILE
 from reproduce.labels import object_label, paper_objects
 from reproduce.results import Results
-from reproduce.style import figure, save, steps_text
+from reproduce.style import COLUMN, GREY, figure, save, steps_text
 from tactile_kit.evaluation.summary import group
 
 
@@ -26,24 +26,22 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     rates = np.array([np.nan if cell.ours is None else 100 * cell.ours for cell in cells]).reshape(
         len(objects), -1
     )
-    made, (axes,) = figure(7.2, 6.6)
+    made, (axes,) = figure(COLUMN, 3.05)
     colours = matplotlib.colormaps["viridis"].with_extremes(bad="#f1f2f4")
     # The colours span 0 to 100 % whatever the rates: a weak agent must look weak.
     image = axes.imshow(np.ma.masked_invalid(rates), cmap=colours, vmin=0, vmax=100)
     for (i, j), rate in np.ndenumerate(rates):
-        text, colour = (
-            ("–", "#8a8f98") if np.isnan(rate) else (f"{rate:.0f}", "white" if rate < 65 else "black")
-        )
+        text, colour = ("–", GREY) if np.isnan(rate) else (f"{rate:.0f}", "white" if rate < 65 else "black")
         weight = "bold" if i == j else "normal"
-        axes.text(j, i, text, ha="center", va="center", fontsize=7.5, color=colour, fontweight=weight)
+        axes.text(j, i, text, ha="center", va="center", fontsize=5, color=colour, fontweight=weight)
     axes.grid(False)
-    labels = [object_label(item) for item in objects]
-    axes.set_xticks(range(len(objects)), labels, rotation=45, ha="right", fontsize=7.5)
-    axes.set_yticks(range(len(objects)), labels, fontsize=7.5)
+    axes.tick_params(length=0)
+    axes.set_xticks(range(len(objects)), [str(item.id) for item in objects], fontsize=6.5)
+    axes.set_yticks(range(len(objects)), [object_label(item) for item in objects], fontsize=6.5)
     axes.set_xlabel("object manipulated")
     axes.set_ylabel("mesh given to policy and estimator")
     axes.spines[:].set_visible(False)
-    bar = made.colorbar(image, ax=axes, shrink=0.75)
+    bar = made.colorbar(image, ax=axes, shrink=0.7, aspect=30, pad=0.02)
     bar.set_label("success rate (%)")
     bar.outline.set_visible(False)
     counts = sorted({cell.n for cell in cells if cell.n})
@@ -57,11 +55,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
         )
     )
     trained = f"; tactile VecBPS, {steps_text(steps)}" if steps else ""
-    axes.set_title(
-        f"Success in %, scale {results.scale}{trained}\n{n} (the paper: 6144)",
-        fontsize=8.5,
-        fontweight="normal",
-    )
+    made.suptitle(f"Success in %, scale {results.scale}{trained}\n{n} (the paper: 6144)", fontsize=7)
     save(made, outputs)
     write_cells(outputs[2], cells)
 

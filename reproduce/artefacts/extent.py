@@ -12,13 +12,15 @@ import randomization
 from reproduce.cells import MEASURED, Cell, paper_values, rate_cell, write_cells
 from reproduce.inventory import TACTILE
 from reproduce.results import Results
-from reproduce.style import GREY, figure, footnote, save, say_missing, steps_text
+from reproduce.style import COLUMN, GREY, figure, footnote, save, say_missing, steps_text
+from reproduce.style import ORACLE as BLUE
+from reproduce.style import TACTILE as ORANGE
 from tactile_kit.evaluation.rows import EpisodeRow
 from tactile_kit.evaluation.summary import group
 
 LINES = (
-    ("extent-true", "correct mesh", "#2c7fb8", "o"),
-    ("extent-fixed", "fixed median mesh", "#d95f0e", "^"),
+    ("extent-true", "correct mesh", BLUE, "o"),
+    ("extent-fixed", "fixed median mesh", ORANGE, "^"),
 )
 FIT = 256  # samples a line must have, over the whole range, before a polynomial of degree 4 says anything
 WIDTH = 0.002  # m, standard deviation of the smoother's weights
@@ -31,7 +33,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     """``outputs``: PNG, SVG and a CSV of success by bins of the furthest extent."""
     values = paper_values("extent")
     cells: list[Cell] = []
-    made, (axes,) = figure(6.0, 4.1)
+    made, (axes,) = figure(COLUMN, 3.2)
     episodes = []
     fitted = False
     for evaluation, label, colour, marker in LINES:
@@ -43,7 +45,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
             continue
         extents, rates, counts = samples(rows)
         episodes += list(counts)
-        axes.scatter(100 * extents, rates, s=14, color=colour, marker=marker, alpha=0.55, linewidths=0)
+        axes.scatter(100 * extents, rates, s=9, color=colour, marker=marker, alpha=0.55, linewidths=0)
         name = f"{label}, {len(rates)} samples"
         mine = [cell for cell in cells if cell.column == label]
         measured = [cell for cell in mine if cell.status == MEASURED]
@@ -52,12 +54,12 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
         if fit is not None:
             fitted = True
             x = np.linspace(extents.min(), extents.max(), 200)
-            axes.plot(100 * x, np.clip(fit(x), 0, 1), color=colour, linewidth=1.8, label=name)
+            axes.plot(100 * x, np.clip(fit(x), 0, 1), color=colour, linewidth=1.3, label=name)
             continue
         # Points only would leave the eye to guess: a local mean, with its band, where there are samples to take it of.
         for x, mean, low, high in smooth(extents, rates, results.seed):
             axes.fill_between(100 * x, low, high, color=colour, alpha=0.18, linewidth=0)
-            axes.plot(100 * x, mean, color=colour, linewidth=1.6)
+            axes.plot(100 * x, mean, color=colour, linewidth=1.3)
         axes.plot([], [], color=colour, marker=marker, label=name)
     if not episodes:
         say_missing(axes, "missing: the tactile agent was not evaluated")
@@ -71,14 +73,14 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     axes.set_ylabel("success rate")
     axes.set_xlim(100 * values["range"][0] - 0.1, 100 * values["range"][1] + 0.1)
     axes.set_ylim(-0.02, 1.02)
-    made.legend(loc="outside upper center", ncols=1, fontsize=8)
+    made.legend(loc="outside upper center", ncols=1)
     least, most = (min(episodes), max(episodes)) if episodes else (0, 0)
     span = f"{least}" if least == most else f"{least} to {most}"
     trained = steps_text(results.steps_trained(results.run_names(TACTILE)))
     footnote(
         made,
-        f"Scale {results.scale}; tactile VecBPS, {trained}. A sample: one object size, {span} episodes\n"
-        f"(the paper: 120; 512 samples a line).\n{lines}",
+        f"Scale {results.scale}; tactile VecBPS, {trained}. A sample: one object size, {span} episodes "
+        f"(the paper: 120; 512 samples a line). {lines}",
     )
     save(made, outputs)
     write_cells(outputs[2], cells)

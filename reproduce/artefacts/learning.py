@@ -11,7 +11,7 @@ import numpy as np
 import randomization
 from reproduce.cells import Cell, empty_cell, estimate_cell, paper_values, write_cells
 from reproduce.results import Curve, Results
-from reproduce.style import figure, footnote, line_of, save, say_missing, short
+from reproduce.style import PAGE, figure, footnote, line_of, save, say_missing, short
 from tactile_kit.evaluation.intervals import stratified_bootstrap
 from tactile_kit.evaluation.summary import Estimate
 
@@ -23,7 +23,7 @@ CURVES: dict[str, list[str]] = {panel["set"]: panel["lines"] for panel in paper_
 def make(results: Results, outputs: Sequence[Path]) -> None:
     """``outputs``: PNG, SVG and a CSV of where the curves end."""
     values = paper_values("learning")
-    made, panels = figure(10.5, 3.9, 3)
+    made, panels = figure(PAGE, 3.0, 3, sharey=True)
     cells: list[Cell] = []
     for axes, panel in zip(panels, values["panels"], strict=True):
         objects = panel["set"]
@@ -49,13 +49,13 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
         axes.locator_params(axis="x", nbins=5)
         axes.xaxis.set_major_formatter(lambda value, _: short(int(value)))
         if missing and len(missing) == len(lines):
-            said = "\n".join(textwrap.wrap(", ".join(missing), 28))
+            said = "\n".join(textwrap.wrap(", ".join(missing), 24))
             say_missing(axes, f"no run of this object set;\nmissing:\n{said}")
         else:
             title = "missing: " + ", ".join(missing) if missing else None
-            place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.17), "ncols": 4}
+            place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2), "ncols": 3}
             axes.legend(
-                fontsize=7, title=title, title_fontsize=7, columnspacing=1.0, handlelength=1.2, **place
+                fontsize=6.5, title=title, title_fontsize=6.5, columnspacing=0.8, handlelength=1.0, **place
             )
     panels[0].set_ylabel("success rate")
     footnote(

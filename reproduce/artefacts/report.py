@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -53,7 +54,8 @@ def content(results: Results, out: Path) -> dict[str, Any]:
     figures = []
     for text in texts["figures"]:
         cells = read_cells(out / "figures" / f"{text['name']}.csv")
-        figures.append({**text, "cells": cells, "image": _image(out / "figures" / text["name"])})
+        image, width = _image(out / "figures" / text["name"])
+        figures.append({**text, "cells": cells, "image": image, "width": width})
     return {
         "scale": results.scale,
         "description": results.content["description"],
@@ -104,11 +106,13 @@ def _film(table: Path) -> dict[str, Any] | None:
     return {"address": f"data:video/mp4;base64,{data}", "episodes": shown, "agent": shown[0]["agent"]}
 
 
-def _image(stem: Path) -> str:
-    """The figure as a data URI: SVG where it is small, else PNG (renderings of meshes are large as SVG)."""
+def _image(stem: Path) -> tuple[str, int]:
+    """The figure as a data URI (PNG where the SVG is large), and its width in pixels as printed."""
     svg, png = stem.with_suffix(".svg").read_bytes(), stem.with_suffix(".png").read_bytes()
     kind, data = ("svg+xml", svg) if len(svg) < 600_000 else ("png", png)
-    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+    printed = re.search(rb'<svg[^>]* width="([0-9.]+)pt"', svg)
+    width = round(float(printed.group(1)) * 96 / 72) if printed else 640
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}", width
 
 
 def cell_text(cell: Cell, value: float | None = None) -> str:

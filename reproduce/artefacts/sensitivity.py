@@ -13,7 +13,7 @@ from reproduce.cells import Cell, empty_cell, estimate_cell, write_cells
 from reproduce.inventory import FINGERS, SENSITIVITY
 from reproduce.results import Results
 from reproduce.sensitivity import DEFAULT, EVERYTHING, FACTORS, GROUPS, SEPARATOR
-from reproduce.style import GREY, PAPER, figure, footnote, save
+from reproduce.style import ORACLE, PAGE, PALE, PAPER, SOFT, TACTILE, figure, footnote, save
 from tactile_kit.evaluation.courses import Moment
 from tactile_kit.evaluation.intervals import stratified_bootstrap
 from tactile_kit.evaluation.summary import Estimate, share
@@ -21,7 +21,7 @@ from tactile_kit.evaluation.summary import Estimate, share
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLOURS = {0.0: "#2c7fb8", 2.0: "#d95f0e"}
+COLOURS = {0.0: ORACLE, 2.0: TACTILE}
 WORDS = {0.0: "off", 2.0: "twice as wide"}
 ERROR = "mean error of the estimate (rad)"
 
@@ -40,14 +40,16 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     )
     rows = (*GROUPS, EVERYTHING)
     cells: list[Cell] = []
-    made, panels = figure(9.0, 3.9, 2, sharey=True)
+    made, panels = figure(PAGE, 3.2, 2, sharey=True)
     for axes, (quantity, estimate) in zip(panels, quantities, strict=True):
         base = found.get(DEFAULT)
         if base:
             centre = estimate(base)
             cells.append(estimate_cell(DEFAULT, "x 1", quantity, None, centre, runs=runs))
             axes.axvline(centre.value, color=PAPER, linewidth=1.0)
-            axes.axvspan(centre.low or centre.value, centre.high or centre.value, color="#d9dce2", zorder=0)
+            axes.axvspan(
+                centre.low or centre.value, centre.high or centre.value, color=PALE, linewidth=0, zorder=0
+            )
         else:
             cells.append(empty_cell(DEFAULT, "x 1", quantity, None, "not measured"))
         for place, group in enumerate(rows):
@@ -64,7 +66,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     for factor in FACTORS:
         panels[1].plot([], [], "o", color=COLOURS[factor], label=WORDS[factor])
     panels[1].plot([], [], color=PAPER, label="default, with its interval")
-    made.legend(loc="outside upper right", ncols=3, fontsize=7.5)
+    made.legend(loc="outside upper right", ncols=3)
     panels[0].set_yticks(range(len(rows)), rows)
     panels[0].set_ylim(len(rows) - 0.5, -0.5)
     counts = {cell.n for cell in cells if cell.n}
@@ -76,7 +78,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
         f"{runs[0] if runs else FINGERS} in Bullet, {said}, the same ones at every point; 95 % intervals{tail}.",
     )
     if not counts:
-        panels[0].text(0.5, 0.5, "missing", transform=panels[0].transAxes, ha="center", color=GREY)
+        panels[0].text(0.5, 0.5, "missing", transform=panels[0].transAxes, ha="center", color=SOFT)
     save(made, outputs)
     write_cells(outputs[2], cells)
 
@@ -86,7 +88,7 @@ def _point(axes: Axes, cell: Cell, height: float, colour: str) -> None:
     low, high = (cell.ours if end is None else end for end in (cell.low, cell.high))
     axes.errorbar(
         cell.ours, height, xerr=[[max(0.0, cell.ours - low)], [max(0.0, high - cell.ours)]],
-        fmt="o", markersize=4, color=colour, linewidth=1.1, capsize=2,
+        fmt="o", markersize=3, color=colour, linewidth=1.1, capsize=2,
     )  # fmt: skip
 
 

@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from reproduce.bars import bar
+from reproduce.bars import bar, rates
 from reproduce.cells import Cell, paper_values, rate_cell, write_cells
 from reproduce.inventory import TACTILE, TRANSFER
 from reproduce.labels import object_label, paper_objects
 from reproduce.results import Results
-from reproduce.style import PAPER, figure, footnote, save, steps_text
+from reproduce.style import ELSEWHERE, PAGE, PALE, SOFT, figure, footnote, save, steps_text
 from reproduce.style import TACTILE as ORANGE
 
-TRANSFER_COLOUR = "#6b4fa0"
+WIDTH = 0.25  # of a bar
 SIMULATION, ANOTHER = "Tactile VecBPS, simulation", "the same in another simulator (MuJoCo)"
 
 
@@ -26,12 +26,17 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     objects = paper_objects()
     means = {i: group["value"] for group in paper_values("success")["class_means"] for i in group["ids"]}
     cells: list[Cell] = []
-    made, (axes,) = figure(10.5, 3.7)
-    columns = (("nominal", SIMULATION, ORANGE, -0.2), (TRANSFER, ANOTHER, TRANSFER_COLOUR, 0.2))
+    made, (axes,) = figure(PAGE, 2.8)
+    axes.bar(
+        [item.id - 0.27 for item in objects], [means[item.id] for item in objects], WIDTH,
+        color=PALE, zorder=2, label="paper: mean of the object's class (Table I)",
+    )  # fmt: skip
+    columns = (("nominal", SIMULATION, ORANGE, 0.0), (TRANSFER, ANOTHER, ELSEWHERE, 0.27))
     for evaluation, label, colour, shift in columns:
         rows, runs = results.rows(TACTILE, evaluation), results.evaluated(TACTILE, evaluation)
         steps = results.steps_trained(runs)
-        said = f"{label}, {steps_text(steps)}" if rows else f"{label}: missing"
+        name = label if evaluation == "nominal" else "the same in MuJoCo"
+        said = f"{name}, {steps_text(steps)}" if rows else f"{name}: missing"
         axes.bar([0], [0], color=colour, label=said)
         why = "not evaluated there" if evaluation == TRANSFER else "run not there"
         for item in objects:
@@ -43,18 +48,17 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
                 object_label(item), label, paper, mine, runs=runs, steps=steps, missing=why, note=note
             )
             cells.append(cell)
-            bar(axes, item.id + shift, 0.36, cell, colour)
-    for item in objects:
-        axes.plot([item.id - 0.38, item.id - 0.02], [means[item.id]] * 2, color=PAPER, linewidth=1.6)
-    axes.plot([], [], color=PAPER, linewidth=1.6, label="paper: mean of the object's class (Table I)")
-    axes.axvline(7.5, color="#b9bdc5", linewidth=0.8)
-    axes.text(7.4, 1.03, "Geometric 8", ha="right", fontsize=7.5, color="#555b66")
-    axes.text(7.6, 1.03, "OOD", ha="left", fontsize=7.5, color="#555b66")
-    axes.set_xticks([item.id for item in objects], [object_label(item, True) for item in objects], fontsize=7)
+            bar(axes, item.id + shift, WIDTH, cell, colour)
+    axes.axvline(7.5, color=PALE, linewidth=0.8)
+    for x, side, name in ((7.4, "right", "Geometric 8"), (7.6, "left", "OOD")):
+        axes.text(x, 1.11, name, ha=side, va="bottom", fontsize=6.5, color=SOFT)
+    axes.set_xticks(
+        [item.id for item in objects], [object_label(item, True) for item in objects], fontsize=6.5
+    )
     axes.set_xlim(-0.6, len(objects) - 0.4)
-    axes.set_ylim(0, 1.09)
+    rates(axes)
     axes.set_ylabel("success rate")
-    made.legend(loc="outside upper right", ncols=3, fontsize=7.5)
+    made.legend(loc="outside upper right", ncols=3, fontsize=6.5)
     count = sorted({cell.n for cell in cells if cell.n})
     n = f"{count[0]}" if len(count) == 1 else f"{count[0]} to {count[-1]}" if count else "no"
     footnote(

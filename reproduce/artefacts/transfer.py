@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from reproduce.artefacts.success import TRANSFER_COLOUR
-from reproduce.bars import bar
+from reproduce.bars import bar, rates
 from reproduce.cells import Cell, paper_values, range_of, rate_cell, write_cells
 from reproduce.inventory import TRANSFER, TRANSFERRED
 from reproduce.results import Results
-from reproduce.style import ORACLE, TACTILE, figure, footnote, save, steps_text
+from reproduce.style import ELSEWHERE, ORACLE, PAGE, TACTILE, figure, footnote, save, steps_text
 
 LABELS = ("Oracle VecBPS", "Tactile VecBPS, finger cell", "Tactile VecBPS")
 COLOURS = (ORACLE, TACTILE, TACTILE)
@@ -22,11 +21,11 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     classes = paper_values("table1")["rows"]
     everything = {"name": "All", "ids": [i for line in classes for i in line["ids"]]}
     cells: list[Cell] = []
-    made, panels = figure(10.5, 3.4, len(LABELS), sharey=True)
+    made, panels = figure(PAGE, 2.6, len(LABELS), sharey=True)
     for axes, role, label, colour in zip(panels, TRANSFERRED, LABELS, COLOURS, strict=True):
         for evaluation, world, tone, shift in (
             ("nominal", HERE, colour, -0.2),
-            (TRANSFER, THERE, TRANSFER_COLOUR, 0.2),
+            (TRANSFER, THERE, ELSEWHERE, 0.2),
         ):
             rows, runs = results.rows(role, evaluation), results.evaluated(role, evaluation)
             steps = results.steps_trained(runs)
@@ -40,13 +39,13 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
                 bar(axes, place + shift, 0.36, cell, tone)
         known = results.steps_trained(results.run_names(role))
         axes.set_title(f"{label}\n{steps_text(known)}" if known else f"{label}: missing")
-        axes.set_xticks(range(4), [line["name"] for line in (everything, *classes)])
+        axes.set_xticks(range(4), [line["name"].replace("-", "-\n") for line in (everything, *classes)])
         axes.set_xlim(-0.6, 3.6)
-        axes.set_ylim(0, 1.09)
+        rates(axes)
     panels[0].set_ylabel("success rate")
-    for colour, name in ((ORACLE, HERE), (TACTILE, HERE), (TRANSFER_COLOUR, THERE)):
+    for colour, name in ((ORACLE, f"oracle, {HERE}"), (TACTILE, f"tactile, {HERE}"), (ELSEWHERE, THERE)):
         panels[0].bar([0], [0], color=colour, label=name)
-    made.legend(loc="outside upper right", ncols=3, fontsize=7.5)
+    made.legend(loc="outside upper right", ncols=3)
     footnote(
         made,
         f"Scale {results.scale}. {range_of(cells)} episodes a bar, 95 % Wilson intervals. Objects 0-12, full gravity,"

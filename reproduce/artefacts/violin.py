@@ -12,9 +12,9 @@ from reproduce.cells import Cell, empty_cell, estimate_cell, paper_values, range
 from reproduce.inventory import ORACLE, TACTILE
 from reproduce.labels import object_label, paper_objects
 from reproduce.results import Results
+from reproduce.style import GREY, PAGE, PAPER, SOFT, figure, footnote, save, steps_text
 from reproduce.style import ORACLE as BLUE
 from reproduce.style import TACTILE as ORANGE
-from reproduce.style import figure, footnote, save, steps_text
 from tactile_kit.evaluation.rows import SUCCESS_ANGLE, EpisodeRow
 from tactile_kit.evaluation.summary import final_angles, group, mean_final_angle
 from tactile_kit.evaluation.summary import share as rate_of
@@ -27,13 +27,13 @@ HALF = 0.42  # width of half a violin at its widest
 WIDEST = 2.5  # 1/rad: the density that fills a half, at least; 95 % within 0.4 rad. Weak agents look thin.
 THIN = 0.02  # 1/rad: less is no episode, only a tail of the kernel
 GAP = 0.012  # between the halves and the middle
-TOP = 1.62  # where what lies beyond the cut-off is drawn
+TOP = 1.72  # where what lies beyond the cut-off is drawn
 
 
 def make(results: Results, outputs: Sequence[Path]) -> None:
     """``outputs``: PNG, SVG and a CSV of what each half shows."""
     cutoff = paper_values("violin")["cutoff"]
-    made, (axes,) = figure(10.5, 3.9)
+    made, (axes,) = figure(PAGE, 3.0)
     cells: list[Cell] = []
     objects = paper_objects()
     agents = ((ORACLE, "Oracle VecBPS", BLUE, -1), (TACTILE, "Tactile VecBPS", ORANGE, 1))
@@ -60,14 +60,16 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
                     rotation=90,
                     ha="center",
                     va="center",
-                    fontsize=6.5,
-                    color="#8a8f98",
+                    fontsize=5.5,
+                    color=SOFT,
                 )
-    axes.axhline(SUCCESS_ANGLE, color="#333333", linewidth=0.8, linestyle="--")
-    axes.text(len(objects) - 0.45, SUCCESS_ANGLE, " success", va="center", fontsize=7)
-    axes.axhline(cutoff, color="#b9bdc5", linewidth=0.6)
-    axes.set_xticks([item.id for item in objects], [object_label(item, True) for item in objects], fontsize=7)
-    axes.set_yticks([0, 0.4, 0.8, 1.2, 1.5, TOP], ["0", "0.4", "0.8", "1.2", "1.5", "> 1.5 or drop"])
+    axes.axhline(SUCCESS_ANGLE, color=PAPER, linewidth=0.7, linestyle="--")
+    axes.text(len(objects) - 0.45, SUCCESS_ANGLE, " success", va="center", fontsize=6.5)
+    axes.axhline(cutoff, color=GREY, linewidth=0.6)
+    axes.set_xticks(
+        [item.id for item in objects], [object_label(item, True) for item in objects], fontsize=6.5
+    )
+    axes.set_yticks([0, 0.4, 0.8, 1.2, 1.5, TOP], ["0", "0.4", "0.8", "1.2", "1.5", "> 1.5\nor drop"])
     axes.set_ylim(0, TOP + 0.13)
     axes.set_xlim(-0.6, len(objects) - 0.4)
     axes.set_ylabel("final angle to the goal (rad)")
@@ -111,7 +113,13 @@ def half_violin(
     round_off = np.sqrt(np.maximum(0.0, 1 - ((lump - TOP) / 0.06) ** 2))
     axes.fill_betweenx(lump, x, x + side * round_off * share * HALF, color=colour, alpha=0.75, linewidth=0)
     axes.text(
-        x + side * 0.22, TOP + 0.065, f"{100 * share:.0f}", ha="center", va="bottom", fontsize=6, color=colour
+        x + side * 0.22,
+        TOP + 0.065,
+        f"{100 * share:.0f}",
+        ha="center",
+        va="bottom",
+        fontsize=5.5,
+        color=colour,
     )
 
 

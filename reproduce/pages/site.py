@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 OUTSIDE = re.compile(r"(?<!!)\[([^\]]+)\]\(((?:\.\./)+[^)\s]*)\)")
 ROLE = re.compile(r":(?:class|func|meth|mod|attr):(?=<code|`)")  # of docstrings, which Sphinx would read
 FENCE = re.compile(r"^(```|~~~)", re.MULTILINE)
+TABLE = re.compile(r"<table>.*?</table>", re.DOTALL)
+HEAD = re.compile(r"<th[^>]*>(.*?)</th>", re.DOTALL)
+ROW = re.compile(r"<tr>.*?</tr>", re.DOTALL)
+CELL = re.compile(r"<td([^>]*)>(.*?)</td>", re.DOTALL)
+TAG = re.compile(r"<[^>]+>")
 
 
 def on_files(files: Any, config: Any) -> Any:
@@ -45,5 +51,20 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
 
 
 def on_page_content(html: str, page: Any, config: Any, files: Any) -> str:
-    """Names in docstrings without the roles of another tool."""
-    return ROLE.sub("", html)
+    """Names in docstrings without the roles of another tool; cells of tables with the names of their columns."""
+    return TABLE.sub(_labelled, ROLE.sub("", html))
+
+
+def _labelled(found: re.Match[str]) -> str:
+    """A table whose cells say their column, for phones, where every row is a card (docs/style/site.css)."""
+    names = [TAG.sub("", name).strip() for name in HEAD.findall(found.group(0))]
+
+    def cell(inside: re.Match[str], of_row: Iterator[str]) -> str:
+        style, text, name = *inside.groups(), next(of_row)
+        return f'<td{style} data-label="{name}"><div>{text}</div></td>' if text else inside.group(0)
+
+    def row(cells: re.Match[str]) -> str:
+        of_row = iter(names)
+        return CELL.sub(lambda inside: cell(inside, of_row), cells.group(0))
+
+    return ROW.sub(row, found.group(0))

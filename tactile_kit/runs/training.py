@@ -50,11 +50,13 @@ def train(
 
     Returns:
         The directory. SIGTERM and SIGINT save a checkpoint and return early (``finished`` tells); a second one
-        interrupts at once.
+            interrupts at once.
 
     Raises:
-        LockedError: another process works on the directory. ConfigError: it holds a run of other settings or versions,
-        with a readable difference. CheckpointError: all its checkpoints are damaged. FloatingPointError: it diverged.
+        LockedError: another process works on the directory.
+        ConfigError: it holds a run of other settings or versions, with a readable difference.
+        CheckpointError: all its checkpoints are damaged.
+        FloatingPointError: it diverged.
         RunError: at its start or end the disk is full; in between that is told and work goes on.
     """
     directory = Path(directory)

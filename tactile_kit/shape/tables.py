@@ -26,11 +26,10 @@ CULLING_ABOVE = 512
 class MeshTable:
     """Triangle meshes prepared for exact closest-point queries (paper section III-A, eq. 4).
 
-    Attributes
-    ----------
-    offsets: (N + 1,) int64, the triangles of mesh i are ``offsets[i]:offsets[i + 1]``
-    corners: (F, 3, 3) float64, metres, canonical frame; triangle, corner, coordinate; all meshes end to end
-    extents: (N, 3) float64, metres, bounding box of each mesh
+    Attributes:
+        offsets: (N + 1,) int64, the triangles of mesh i are ``offsets[i]:offsets[i + 1]``.
+        corners: (F, 3, 3) float64, metres, canonical frame; triangle, corner, coordinate; all meshes end to end.
+        extents: (N, 3) float64, metres, bounding box of each mesh.
     """
 
     def __init__(

@@ -43,9 +43,9 @@ def sense(clip: Clip) -> str:
 
 def line(clip: Clip, frame: Frame) -> str:
     """Clock, angle and error of a frame."""
-    text = f"{frame.time:4.1f} s   to the goal {angle_of(clip, frame):.2f} rad"
+    text = f"{frame.time:4.1f} s · to the goal {angle_of(clip, frame):.2f} rad"
     error = error_of(frame)
-    return text if error is None else f"{text}   estimate off {error:.2f} rad"
+    return text if error is None else f"{text} · estimate off {error:.2f} rad"
 
 
 def verdict_at(clip: Clip, frame: Frame) -> str:
