@@ -25,7 +25,7 @@ class CalmConfig(Settings):
         0.3, gt=0, le=1, description="Factor of the estimator's step size from one level to the next."
     )
     patience: PositiveInt = Field(5_000_000, description="Environment steps of a span.")
-    gain: float = Field(0.005, ge=0, le=1, description="Least rise of success from one span to the next.")
+    gain: float = Field(0.02, ge=0, le=1, description="Least rise of success from one span to the next.")
     floor: float = Field(
         0.1, ge=0, le=1, description="Success below which no level is left: learning has not begun."
     )
