@@ -18,8 +18,10 @@ from reproduce.errors import ReproduceError
 from reproduce.measuring import (
     Json,
     evaluate_planner,
+    measure_courses,
     measure_estimator,
     measure_sensitivity,
+    measure_side_by_side,
     train_estimator,
 )
 from reproduce.output import counted, dumps, say, tell
@@ -269,7 +271,7 @@ def status(
 
 COMMANDS = (
     run, stage, status, train, evaluate, film, view, train_estimator, measure_estimator,
-    measure_sensitivity, evaluate_planner,
+    measure_courses, measure_side_by_side, measure_sensitivity, evaluate_planner,
 )  # fmt: skip
 
 
