@@ -232,3 +232,27 @@ def measure_side_by_side(
     )  # fmt: skip
     print(dumps({"episodes": count, "out": str(out)}))
     return 0
+
+
+def film_failures(
+    agent: Annotated[Path, arg(metavar="DIR")],
+    courses: Annotated[Path, arg(metavar="FILE")],
+    out: Annotated[Path, arg(metavar="DIR")],
+    size: int = 192,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+) -> int:
+    """Film one failure of each kind: the first episode in the agent's courses that, played alone, fails so again.
+
+    Args:
+        agent: The agent's directory.
+        courses: Its episodes, as measure-courses writes them.
+        out: The folder to write to; the report shows results/report/failures.
+        size: Edge of the picture in pixels, a multiple of 16.
+        seed: Of the evaluation that the courses are of.
+    """
+    from reproduce.failing import films_to
+
+    for row in films_to(agent, courses, out, size, seed):
+        megabytes = (out / row["film"]).stat().st_size / 1e6
+        print(f"{row['kind']}: {row['object']}, goal {row['goal']}: {row['verdict']} ({megabytes:.1f} MB)")
+    return 0

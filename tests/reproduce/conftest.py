@@ -64,6 +64,7 @@ class World:
         self.episodes: dict[str, str | None] = {}
         self.cost: dict[str, str] = {}
         self.courses: dict[str, str] = {}
+        self.costs: dict[str, str] = {}
 
     draw = staticmethod(episodes)
 
@@ -105,7 +106,8 @@ class World:
     def results(self) -> Results:
         content = {
             "artefact": "test", "scale": "test", "description": "Drawn for a test.", "source": "pretrained", "seed": 0,
-            "runs": self.runs, "episodes": self.episodes, "courses": self.courses, **self.cost,
+            "runs": self.runs, "episodes": self.episodes, "courses": self.courses,
+            "costs": self.costs, "films": [], **self.cost,
         }  # fmt: skip
         file = self.folder / "inventory.yaml"
         file.write_text(dump_yaml(content))
