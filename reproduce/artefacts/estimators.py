@@ -14,7 +14,6 @@ from reproduce.cells import (
     Cell,
     empty_cell,
     estimate_cell,
-    range_of,
     write_cells,
 )
 from reproduce.courses import BESIDE, FOLLOWING, OWN, TELLING, TRUTH, condition
@@ -31,6 +30,16 @@ SECONDS = (1.0, 5.0, 10.0)  # of MOMENTS, in the table
 OWN_POLICY, ORACLES_POLICY = "success, own policy", "success, oracle's policy"
 ALONE, TOGETHER = "alone", "together"
 COSTS = {ALONE: "a step alone", TOGETHER: "a step of many"}
+CLOSE, CALIBRATED = "within 0.4 rad at 10 s", "error / sigma"
+HEADS = {  # columns, and how they are called in two lines of LaTeX
+    **{f"error at {second:g} s": ("error at", f"{second:g} s") for second in SECONDS},
+    CLOSE: ("< 0.4 rad", "at 10 s"),
+    CALIBRATED: ("error /", "sigma"),
+    ORACLES_POLICY: ("success,", "oracle's"),
+    OWN_POLICY: ("success,", "own"),
+    COSTS[ALONE]: ("cost", "of one"),
+    COSTS[TOGETHER]: ("cost", "of many"),
+}
 
 
 @dataclass(frozen=True)
@@ -101,8 +110,8 @@ def _errors(
     ends = [track.last for track in following or () if track.last.end == "time"]
     close = share(sum(end.error < SUCCESS_ANGLE for end in ends), len(ends)) if ends else None
     found += [
-        ("within 0.4 rad at 10 s", "share", close),
-        ("error / sigma", "root mean square", quotient(following or [], calibration, seed)),
+        (CLOSE, "share", close),
+        (CALIBRATED, "root mean square", quotient(following or [], calibration, seed)),
     ]
     return [
         empty_cell(label, column, quantity, None, why, status=status)
@@ -141,23 +150,24 @@ def _cost(label: str, name: str, cost: dict | None) -> Cell:
 
 def latex(cells: list[Cell], results: Results) -> str:
     """Estimators in rows; below each value its interval, and the number of episodes."""
-    columns = list(dict.fromkeys(cell.column for cell in cells))
     by_place = {(cell.row, cell.column): cell for cell in cells}
-    lines = [row("", "", *map(escape, columns))]
+    lines = [row("", "", *(escape(head[0]) for head in HEADS.values()))]
+    lines.append(row("", "", *(escape(head[1]) for head in HEADS.values())))
     for label in dict.fromkeys(cell.row for cell in cells):
-        mine = [by_place[label, column] for column in columns]
+        mine = [by_place[label, column] for column in HEADS]
         lines += [
             r"    \midrule",
-            row(escape(label.replace("R0", "R_0")), "ours", *map(_number, mine)),
-            row("", r"95\,\% interval", *map(_interval, mine)),
+            row(escape(label), "ours", *map(_number, mine)),
+            row("", r"95\,\%", *map(_interval, mine)),
             row("", "n", *(str(cell.n) if cell.n else "--" for cell in mine)),
         ]
     caption = (
-        "Estimators side by side: following the same episodes of an oracle that is told the truth (errors in rad,"
-        r" calibration), and telling a policy (success). Costs: $\mu$s of one core, medians."
-        f" Scale: {escape(results.scale)}, {range_of(cells)} episodes or calls."
+        "Estimators side by side: following the same episodes of an oracle that is told the truth (errors in rad, root"
+        " mean square of error over sigma), and telling the oracle's or their own agent's policy (success). Last"
+        " columns: microseconds of one core a step and environment, medians, of one environment and of many at once."
+        f" Scale: {escape(results.scale)}. Intervals: Wilson's for shares, else bootstrap."
     )
-    return table("l l " + " ".join("c" * len(columns)), lines, caption, wide=True)
+    return table("l l " + " ".join("c" * len(HEADS)), lines, caption, wide=True)
 
 
 def _number(cell: Cell) -> str:
