@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from reproduce.errors import ReproduceError
-from reproduce.files import require_agent, write_atomic
+from reproduce.files import read_json, require_agent, write_atomic
 
 OWN, TRUTH = "own", "truth"  # conditions: as the agent was trained; the oracle that is followed
 FOLLOWING, TELLING = "following", "telling"
@@ -59,12 +59,13 @@ def side_by_side_to(
 
     Args:
         agent: directory of the oracle. cells: directories of tactile agents; their names are those of the estimators.
-        out: file of courses (CSV); what a step of each estimator costs is in the JSON beside it.
+        out: file of courses (CSV). In the JSON beside it: what a step of each estimator costs, and digests of the
+            agents' weights, so that no file goes on with other agents of the same names.
         settings: of ``evaluation.schedule.schedule``.
 
     Raises:
-        ReproduceError: no agent in a directory, or ``out`` holds other episodes than those asked for. An oracle among
-            the cells raises ``EvaluationError``.
+        ReproduceError: no agent in a directory, or ``out`` holds other episodes or agents than those asked for. An
+            oracle among the cells raises ``EvaluationError``.
     """
     for directory in (agent, *cells):
         require_agent(directory)
@@ -80,7 +81,13 @@ def side_by_side_to(
     oracle = load_agent(agent)
     sources = {directory.name: str(directory) for directory in cells} | {name: name for name in BESIDE}
     estimators = {name: told(oracle, source).estimator for name, source in sources.items()}
+    weights = {directory.name: load_agent(directory).manifest.weights for directory in (agent, *cells)}
+    beside = out.with_suffix(".json")
     lines = read_courses(out) if out.is_file() else []
+    if lines and (not beside.is_file() or read_json(beside)["agents"] != weights):
+        raise ReproduceError(
+            f"{out}: made with other agents than {', '.join(weights)} as they are now; delete it"
+        )
     there = {line.condition for line in lines}
 
     def report(name: str) -> Any:
@@ -92,6 +99,7 @@ def side_by_side_to(
         write_courses(out, lines)
 
     if TRUTH not in there:
+        write_atomic(beside, json.dumps({"agents": weights, "costs": {}}, indent=1) + "\n")
         followers = {condition(name, FOLLOWING): Timed(one) for name, one in estimators.items()}
         keep(
             play(
@@ -104,7 +112,7 @@ def side_by_side_to(
         play(oracle, TRUTH, (), environments=1, followers=alone, quiet=True, **few)
         together = {name: followers[condition(name, FOLLOWING)] for name in estimators}
         costs = {name: {"alone": alone[name].cost(), "together": together[name].cost()} for name in alone}
-        write_atomic(out.with_suffix(".json"), json.dumps(costs, indent=1) + "\n")
+        write_atomic(beside, json.dumps({"agents": weights, "costs": costs}, indent=1) + "\n")
     for name, estimator in estimators.items():
         label = condition(name, TELLING)
         if label not in there:

@@ -71,7 +71,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
 def table_cells(results: Results) -> list[Cell]:
     """One cell an estimator and column."""
     beside = tracks(results.courses(ORACLE, SIDE_BY_SIDE))
-    costs = results.costs(ORACLE, SIDE_BY_SIDE)
+    costs = results.costs(ORACLE, SIDE_BY_SIDE).get("costs", {})
     oracle = results.measured(ORACLE, SIDE_BY_SIDE)
     cells = [
         *_errors("Truth", None, None, (), results.seed),

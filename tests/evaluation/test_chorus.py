@@ -69,7 +69,7 @@ def test_only_an_oracle_is_followed_by_estimators_that_read_as_it_does(voices):
 
 @pytest.mark.slow
 def test_all_follow_the_same_episodes(voices):
-    settings = {"objects": "cube,elephant", "goals_per_case": 2, "num_workers": 0, "quiet": True}
+    settings = {"objects": "cube,apple", "goals_per_case": 2, "num_workers": 0, "quiet": True}
     lines = play(load_agent(ORACLE), "truth", (1.0, 10.0), arrivals=True, followers=voices, **settings)
     by_name = {name: [line for line in lines if line.condition == name] for name in ("truth", *voices)}
     assert [len(mine) for mine in by_name.values()] == [len(by_name["truth"])] * 4
@@ -79,7 +79,7 @@ def test_all_follow_the_same_episodes(voices):
             (m.seed, m.time, m.theta, m.end) for m in by_name["truth"]
         ]
         assert all(m.symmetric <= m.error + 1e-6 for m in mine)
-        assert all(m.symmetric == pytest.approx(m.error, abs=1e-6) for m in mine if m.object == "elephant")
+        assert all(m.symmetric == pytest.approx(m.error, abs=1e-6) for m in mine if m.object == "apple")
         assert (max(m.error for m in mine) == 0) == (name == "truth")
     arrived = {m.seed for m in by_name["truth"] if m.theta < 0.4 and not m.end}
     assert {m.seed for m in by_name["truth"] if m.success} <= arrived

@@ -13,6 +13,7 @@ from reproduce.errors import ReproduceError
 from reproduce.failing import films_to
 from reproduce.files import ROOT, read_csv
 from reproduce.inventory import failure_films
+from tactile_kit.agents.agent import load_agent
 from tactile_kit.errors import EvaluationError
 from tactile_kit.evaluation.courses import read_courses, write_courses
 from tactile_kit.evaluation.failures import kind_of_moment
@@ -31,7 +32,8 @@ def test_estimators_are_set_side_by_side_and_a_stopped_command_goes_on(tmp_path)
     labels = [TRUTH, *(condition(n, mode) for mode in (FOLLOWING, TELLING) for n in names)]
     lines = read_courses(out)
     assert list(dict.fromkeys(line.condition for line in lines)) == labels
-    costs = json.loads(out.with_suffix(".json").read_text())
+    beside = out.with_suffix(".json")
+    costs = json.loads(beside.read_text())["costs"]
     assert list(costs) == names and costs[names[0]]["alone"]["environments"] == 1
     assert costs["rest"]["alone"]["median"] < min(costs[n]["alone"]["median"] for n in names[:2])
     kept = [line for line in lines if line.condition != labels[-1]]
@@ -40,6 +42,11 @@ def test_estimators_are_set_side_by_side_and_a_stopped_command_goes_on(tmp_path)
     assert read_courses(out) == lines
     write_courses(out, [dataclasses.replace(line, seed=1) for line in kept])
     with pytest.raises(ReproduceError, match="other episodes"):
+        side_by_side_to(ORACLE, [TACTILE], out, **FEW)
+    beside.write_text(
+        beside.read_text().replace(load_agent(TACTILE).manifest.weights["policy.safetensors"], "0")
+    )
+    with pytest.raises(ReproduceError, match="made with other agents"):
         side_by_side_to(ORACLE, [TACTILE], out, **FEW)
 
 

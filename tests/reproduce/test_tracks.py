@@ -107,9 +107,11 @@ def test_estimators_stand_side_by_side(world, tmp_path):
     (tmp_path / "cost.json").write_text(
         json.dumps(
             {
-                cell: {
-                    name: {"environments": n, "median": 90.0, "low": 80.0, "high": 99.0, "calls": 100}
-                    for name, n in (("alone", 1), ("together", 52))
+                "costs": {
+                    cell: {
+                        name: {"environments": n, "median": 90.0, "low": 80.0, "high": 99.0, "calls": 100}
+                        for name, n in (("alone", 1), ("together", 52))
+                    }
                 }
             }
         )
