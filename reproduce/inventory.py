@@ -46,7 +46,7 @@ NEEDS: dict[str, tuple[list[tuple[str, str]], bool]] = {
     **{name: (pairs, False) for name, pairs in _NOMINAL.items()},
     "table1": ([*_NOMINAL["table1"], *_BESIDE], False),
     "sensitivity": ([], False),
-    "estimators": ([], False),
+    "estimators": ([(TACTILE, "nominal"), (FINGERS, "nominal"), (TACTILE, KALMAN)], False),
     "following": ([], False),
     "turning": ([], False),
     "failures": ([], False),
@@ -59,8 +59,8 @@ NEEDS: dict[str, tuple[list[tuple[str, str]], bool]] = {
 EVALUATED = tuple(dict.fromkeys((ORACLE, FINGERS, TACTILE, *BENCHMARK, *ABLATED.values())))
 COURSES = {  # artefact -> roles and names of the courses it reads
     "sensitivity": [(FINGERS, SENSITIVITY)],
-    "estimators": [(ORACLE, SIDE_BY_SIDE), (TACTILE, COURSE), (FINGERS, COURSE)],
-    "following": [(ORACLE, SIDE_BY_SIDE), (TACTILE, COURSE), (FINGERS, COURSE)],
+    "estimators": [(ORACLE, SIDE_BY_SIDE)],
+    "following": [(ORACLE, SIDE_BY_SIDE)],
     "turning": [(role, COURSE) for role in TRANSFERRED],
     "failures": [(role, COURSE) for role in EVALUATED],
 }

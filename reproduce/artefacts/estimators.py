@@ -14,11 +14,12 @@ from reproduce.cells import (
     Cell,
     empty_cell,
     estimate_cell,
+    rate_cell,
     write_cells,
 )
-from reproduce.courses import BESIDE, FOLLOWING, OWN, TELLING, TRUTH, condition
+from reproduce.courses import BESIDE, FOLLOWING, TELLING, TRUTH, condition
 from reproduce.files import write_atomic
-from reproduce.inventory import COURSE, FINGERS, ORACLE, SIDE_BY_SIDE, TACTILE
+from reproduce.inventory import FINGERS, KALMAN, ORACLE, SIDE_BY_SIDE, TACTILE
 from reproduce.latex import escape, row, table
 from reproduce.results import Results
 from reproduce.tracks import Track, means, quotient, tracks
@@ -27,7 +28,7 @@ from tactile_kit.evaluation.rows import SUCCESS_ANGLE
 from tactile_kit.evaluation.summary import Estimate, share
 
 SECONDS = (1.0, 5.0, 10.0)  # of MOMENTS, in the table
-OWN_POLICY, ORACLES_POLICY = "success, own policy", "success, oracle's policy"
+TACTILES_POLICY, ORACLES_POLICY = "success, tactile policy", "success, oracle's policy"
 ALONE, TOGETHER = "alone", "together"
 COSTS = {ALONE: "a step alone", TOGETHER: "a step of many"}
 CLOSE, CALIBRATED = "within 0.4 rad at 10 s", "error / sigma"
@@ -36,7 +37,7 @@ HEADS = {  # columns, and how they are called in two lines of LaTeX
     CLOSE: ("< 0.4 rad", "at 10 s"),
     CALIBRATED: ("error /", "sigma"),
     ORACLES_POLICY: ("success,", "oracle's"),
-    OWN_POLICY: ("success,", "own"),
+    TACTILES_POLICY: ("success,", "tactile"),
     COSTS[ALONE]: ("cost", "of one"),
     COSTS[TOGETHER]: ("cost", "of many"),
 }
@@ -44,11 +45,11 @@ HEADS = {  # columns, and how they are called in two lines of LaTeX
 
 @dataclass(frozen=True)
 class Compared:
-    """One line: what it is called, its name in files, and the role of the agent it belongs to, if any."""
+    """One line: what it is called, its name in files, and the evaluation in which it tells a tactile agent's policy."""
 
     label: str
     name: str
-    role: str | None = None
+    told: tuple[str, str] | None = None  # role and evaluation
 
 
 def compared(results: Results) -> list[Compared]:
@@ -56,9 +57,9 @@ def compared(results: Results) -> list[Compared]:
     found = []
     for label, role in (("Paper's cell", TACTILE), ("Finger cell", FINGERS)):
         names = results.run_names(role)
-        found.append(Compared(label, names[0] if names else role, role))
+        found.append(Compared(label, names[0] if names else role, (role, "nominal")))
     kalman, rest = BESIDE
-    return [*found, Compared("Kalman filter", kalman), Compared("R0 for ever", rest)]
+    return [*found, Compared("Kalman filter", kalman, (TACTILE, KALMAN)), Compared("R0 for ever", rest)]
 
 
 def make(results: Results, outputs: Sequence[Path]) -> None:
@@ -76,7 +77,7 @@ def table_cells(results: Results) -> list[Cell]:
     cells = [
         *_errors("Truth", None, None, (), results.seed),
         _success("Truth", ORACLES_POLICY, beside.get(TRUTH), oracle),
-        empty_cell("Truth", OWN_POLICY, "success rate", None, "is the oracle's", status=UNDEFINED),
+        empty_cell("Truth", TACTILES_POLICY, "success rate", None, "no tactile agent's", status=UNDEFINED),
         *(_cost("Truth", name, None) for name in COSTS),
     ]
     for line in compared(results):
@@ -84,16 +85,7 @@ def table_cells(results: Results) -> list[Cell]:
         cells += _errors(line.label, following, line.name, oracle, results.seed)
         telling = beside.get(condition(line.name, TELLING))
         cells.append(_success(line.label, ORACLES_POLICY, telling, oracle))
-        if line.role:
-            own, runs = (
-                tracks(results.courses(line.role, COURSE)).get(OWN),
-                results.measured(line.role, COURSE),
-            )
-            cells.append(_success(line.label, OWN_POLICY, own, runs))
-        else:
-            cells.append(
-                empty_cell(line.label, OWN_POLICY, "success rate", None, "has none", status=UNDEFINED)
-            )
+        cells.append(_tactile(results, line))
         cells += [_cost(line.label, name, costs.get(line.name, {}).get(name)) for name in COSTS]
     return cells
 
@@ -137,6 +129,16 @@ def _success(label: str, column: str, episodes: list[Track] | None, runs: Sequen
     return estimate_cell(label, column, "success rate", None, rate, runs=runs, note=note)
 
 
+def _tactile(results: Results, line: Compared) -> Cell:
+    """Success where it tells a tactile agent's policy: its own agent's; the filter the VecBPS agent's."""
+    if line.told is None:
+        return empty_cell(line.label, TACTILES_POLICY, "success rate", None, "not tried", status=UNDEFINED)
+    rows, runs = results.rows(*line.told), results.evaluated(*line.told)
+    note = f"{sum(row.drop for row in rows)} dropped" if rows else ""
+    steps = results.steps_trained(runs)
+    return rate_cell(line.label, TACTILES_POLICY, None, rows, runs=runs, steps=steps, note=note)
+
+
 def _cost(label: str, name: str, cost: dict | None) -> Cell:
     column, quantity = COSTS[name], "CPU time (µs)"
     if cost is None:
@@ -163,8 +165,9 @@ def latex(cells: list[Cell], results: Results) -> str:
         ]
     caption = (
         "Estimators side by side: following the same episodes of an oracle that is told the truth (errors in rad, root"
-        " mean square of error over sigma), and telling the oracle's or their own agent's policy (success). Last"
-        " columns: microseconds of one core a step and environment, medians, of one environment and of many at once."
+        " mean square of error over sigma), and telling the oracle's policy or a tactile agent's (success; the filter"
+        " tells that of the paper's cell). Last columns: microseconds of one core a step and environment, medians, of"
+        " one environment and of many at once."
         f" Scale: {escape(results.scale)}. Intervals: Wilson's for shares, else bootstrap."
     )
     return table("l l " + " ".join("c" * len(HEADS)), lines, caption, wide=True)
