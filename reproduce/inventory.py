@@ -47,7 +47,7 @@ NEEDS: dict[str, tuple[list[tuple[str, str]], bool]] = {
     "table1": ([*_NOMINAL["table1"], *_BESIDE], False),
     "sensitivity": ([], False),
     "estimators": ([(TACTILE, "nominal"), (FINGERS, "nominal"), (TACTILE, KALMAN)], False),
-    "following": ([], False),
+    "following": ([(TACTILE, "nominal"), (FINGERS, "nominal")], False),
     "turning": ([], False),
     "failures": ([], False),
     "object_sets": ([], False),

@@ -34,6 +34,11 @@ class Track:
         return self.last.object_id
 
     @property
+    def start(self) -> float:
+        """Angle to the goal at the start, rad; NaN where nobody wrote it down."""
+        return self.moments[0].theta if self.moments[0].time == 0 else math.nan
+
+    @property
     def arrived(self) -> float:
         """s until it was first within 0.4 rad of the goal; infinite where it never was. The drop itself is none."""
         times = (m.time for m in self.moments if m.theta < SUCCESS_ANGLE and m.end in ("", "time"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,6 @@ from reproduce.tracks import Track, means, median, tracks
 from tactile_kit.evaluation.courses import MOMENTS
 from tactile_kit.evaluation.rows import SUCCESS_ANGLE
 from tactile_kit.evaluation.summary import share
-from tactile_kit.rotations import geodesic, octahedral
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,11 +28,7 @@ AGENTS = (
     ("Tactile, finger cell", FINGERS, LINES[4]),
     ("Tactile VecBPS", TACTILE, style.TACTILE),
 )
-DISTANCES = (
-    90,
-    120,
-    180,
-)  # degrees from the start to the goals of the octahedral group, the start itself left out
+EDGES = (0, 90, 135, 180)  # degrees from the start to the goal; starts are grasps of any orientation
 CUBE = 8  # the object of the lab's number
 TIME, ANGLE = "time to 0.4 rad, median (s)", "mean angle to the goal (rad)"
 TOLD = (1.0, 2.0, 5.0, 10.0)  # s, at which angles go to the CSV
@@ -41,33 +37,34 @@ TOLD = (1.0, 2.0, 5.0, 10.0)  # s, at which angles go to the CSV
 def make(results: Results, outputs: Sequence[Path]) -> None:
     """``outputs``: PNG, SVG and a CSV of the numbers."""
     lab = float(paper_values("turning")["lab_seconds"])
-    goals = np.degrees(geodesic(octahedral(), np.eye(3))).round().astype(int)
+    bins = {f"{low} to {high} degrees": (np.radians(low), np.radians(high)) for low, high in pairwise(EDGES)}
+    furthest = list(bins)[-1]
     cells: list[Cell] = []
-    made, panels = figure(11.5, 3.3, len(DISTANCES) + 1)
+    made, panels = figure(11.5, 3.3, len(bins) + 1)
     for label, role, colour in AGENTS:
         found = tracks(results.courses(role, COURSE)).get(OWN, [])
         runs = results.measured(role, COURSE)
-        for axes, distance in zip(panels, DISTANCES, strict=False):
-            mine = [track for track in found if goals[track.last.goal] == distance]
+        mine: list[Track] = []
+        for axes, (row, (low, high)) in zip(panels, bins.items(), strict=False):
+            mine = [track for track in found if low <= track.start < high]
             angles = means(mine, lambda track: track.values("theta"), results.seed)
-            _course(axes, angles, np.radians(distance), colour, label)
-            cells += _angles(f"{distance} degrees", label, angles, runs)
-            cells += _times(f"{distance} degrees", label, mine, lab, runs)
-        turned = [track for track in found if goals[track.last.goal] == DISTANCES[-1]]
-        cubes = [track for track in turned if track.object_id == CUBE]
-        cells += _times(f"{DISTANCES[-1]} degrees, cube", label, cubes, lab, runs)
-        _arrivals(panels[-1], turned, colour, label)
+            _course(axes, angles, [track.start for track in mine], colour, label)
+            cells += _angles(row, label, angles, runs)
+            cells += _times(row, label, mine, lab, runs)
+        cubes = [track for track in mine if track.object_id == CUBE]  # of the furthest
+        cells += _times(f"{furthest}, cube", label, cubes, lab, runs)
+        _arrivals(panels[-1], mine, colour, label)
     there = any(cell.n for cell in cells)
-    for axes, distance in zip(panels, DISTANCES, strict=False):
+    for axes, row in zip(panels, bins, strict=False):
         axes.axhline(SUCCESS_ANGLE, color=PAPER, linewidth=0.8, linestyle="--")
-        axes.set_title(f"Goals {distance}° away")
+        axes.set_title(f"Goals {row.replace(' degrees', '°')} away")
         axes.set_xlim(0, 10)
         axes.set_ylim(0, 3.2)
         axes.set_xlabel("time (s)")
         if not there:
             say_missing(axes, "missing")
     panels[0].set_ylabel("mean angle to the goal (rad)")
-    panels[-1].set_title(f"Within 0.4 rad so far, {DISTANCES[-1]}°")
+    panels[-1].set_title(f"Within 0.4 rad so far, {furthest.replace(' degrees', '°')}")
     panels[-1].axvline(lab, color=PAPER, linewidth=0.9, linestyle=":")
     panels[-1].set_xlim(0, 10)
     panels[-1].set_ylim(0, 1.02)
@@ -84,11 +81,11 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     write_cells(outputs[2], cells)
 
 
-def _course(axes: Axes, angles: Sequence, start: float, colour: str, label: str) -> None:
+def _course(axes: Axes, angles: Sequence, starts: list[float], colour: str, label: str) -> None:
     there = [(time, one) for time, one in zip(MOMENTS, angles, strict=False) if one is not None]
     if not there:
         return
-    times = [0.0, *(time for time, _ in there)]
+    times, start = [0.0, *(time for time, _ in there)], float(np.mean(starts))
     axes.plot(times, [start, *(one.value for _, one in there)], color=colour, linewidth=1.4, label=label)
     low = [start, *(one.value if one.low is None else one.low for _, one in there)]
     high = [start, *(one.value if one.high is None else one.high for _, one in there)]

@@ -64,10 +64,17 @@ class Chorus:
             voice(mine, z, encoding, mesh)
             for voice, mine in zip(self.voices.values(), self._unpacked(state), strict=True)
         ]
-        for (name, voice), mine in zip(self.voices.items(), after, strict=True):
-            sigma = voice.sigmas(mine).numpy()
-            self.beliefs[name] = Belief(mine.x.numpy(), mine.R.numpy(), sigma)
-        return self._packed(after)
+        packed = self._packed(after)
+        self.beliefs = self.believed(packed)
+        return packed
+
+    @torch.no_grad()
+    def believed(self, state: EstimatorState) -> dict[str, Belief]:
+        """What each believes in that state of all."""
+        return {
+            name: Belief(mine.x.numpy(), mine.R.numpy(), voice.sigmas(mine).numpy())
+            for (name, voice), mine in zip(self.voices.items(), self._unpacked(state), strict=True)
+        }
 
     def sigmas(self, state: EstimatorState) -> Tensor:
         """Of the first: ``(B, 2)``."""

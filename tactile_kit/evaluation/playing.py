@@ -38,7 +38,7 @@ def play(
         moments: s, at which lines are taken.
         progress: called with (episodes done, episodes in all).
         environments: how many play at a time.
-        arrivals: whether the first step within 0.4 rad of the goal has a line too.
+        arrivals: whether the start and the first step within 0.4 rad of the goal have lines too.
         followers: estimators (``EstimatorCell``, ``KalmanFilter``, ``Rest``) by name that follow the same episodes
             while the agent, an oracle, is told the truth. Their lines come after the agent's, one follower after the
             other, with the name as condition.
@@ -91,9 +91,10 @@ class _Recorder:
         self.total: dict[str, Any] = {}
 
     def after(self, step: int) -> dict[str, dict[str, Any]]:
-        """Columns ``(E,)`` after that step."""
-        last, found = self.env.transition, {}
-        for name, told in self._beliefs(last).items():
+        """Columns ``(E,)`` after that step; 0: at the start."""
+        last: Any = self.env.transition if step else self.env.state
+        found = {}
+        for name, told in self._beliefs(last, step).items():
             R = np.asarray(told.R, np.float64)
             error = geodesic(R, last.R)
             self.total[name] = self.total.get(name, 0.0) + error
@@ -102,7 +103,7 @@ class _Recorder:
                 "theta": geodesic(last.R, last.goal),
                 "believed": geodesic(R, last.goal),
                 "error": error,
-                "mean_error": self.total[name] / step,
+                "mean_error": self.total[name] / max(1, step),
                 "position": np.linalg.norm(told.x - last.x, axis=1),
                 "sigma": np.zeros(len(R)) if sigma is None else sigma[:, 1],
                 "symmetric": np.array(
@@ -114,10 +115,12 @@ class _Recorder:
             }
         return found
 
-    def _beliefs(self, last: Any) -> dict[str, Any]:
-        if self.chorus is not None:
-            return {self.condition: last, **self.chorus.beliefs}
-        return {self.condition: getattr(self.env, "estimated", last)}
+    def _beliefs(self, last: Any, step: int) -> dict[str, Any]:
+        env, chorus = self.env, self.chorus
+        if chorus is not None:
+            beliefs = chorus.beliefs if step else chorus.believed(env.coupling.state)
+            return {self.condition: last, **beliefs}
+        return {self.condition: getattr(env, "estimated", last) if step else env.belief}
 
 
 def _lines(
@@ -128,6 +131,10 @@ def _lines(
     lines: dict[str, list[list[dict[str, Any]]]] = {}
     playing, away = np.ones(env.num_envs, bool), np.full(env.num_envs, arrivals)
     observation = env.reset()
+    if arrivals:
+        for name, values in recorder.after(0).items():
+            lines[name] = [[_line(values, e, 0)] for e in range(env.num_envs)]
+            away &= values["theta"] >= SUCCESS_ANGLE
     for step in range(1, HORIZON + 1):
         observation, _, done, infos = env.step(agent.act(observation))
         for name, values in recorder.after(step).items():
@@ -137,10 +144,14 @@ def _lines(
                 end = ""
                 if done[e]:
                     end = "fault" if infos[e]["fault"] else "drop" if infos[e]["drop"] else "time"
-                line = {column: float(value[e]) for column, value in values.items()}
-                mine[e].append({"time": step / CONTROL_RATE, "end": end, **line})
+                mine[e].append(_line(values, e, step, end))
         away &= ~arrived
         playing &= ~done
         if not playing.any():
             break
     return lines
+
+
+def _line(values: dict[str, Any], e: int, step: int, end: str = "") -> dict[str, Any]:
+    line = {column: float(value[e]) for column, value in values.items()}
+    return {"time": step / CONTROL_RATE, "end": end, **line}

@@ -83,7 +83,11 @@ def test_all_follow_the_same_episodes(voices):
         assert (max(m.error for m in mine) == 0) == (name == "truth")
     arrived = {m.seed for m in by_name["truth"] if m.theta < 0.4 and not m.end}
     assert {m.seed for m in by_name["truth"] if m.success} <= arrived
-    early = [m for m in by_name["truth"] if m.time not in (1.0, 10.0) and not m.end]
+    starts = [m for mine in by_name.values() for m in mine if m.time == 0]
+    assert len(starts) == 4 * 4 and all(
+        m.error < 1e-6 and m.theta == m.believed for m in starts if not m.sigma
+    )
+    early = [m for m in by_name["truth"] if m.time not in (0.0, 1.0, 10.0) and not m.end]
     assert all(m.theta < 0.4 for m in early)
     assert len(early) == len({m.seed for m in early})  # the first arrival alone
     errors = {name: np.mean([m.error for m in mine if m.end]) for name, mine in by_name.items()}
