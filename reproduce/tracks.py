@@ -113,7 +113,7 @@ def quotient(
 
 def median(values: Sequence[float]) -> Estimate | None:
     """Median of numbers of which some may be infinite, with the interval that order statistics give; None where the
-    median itself is infinite. The interval is left out where its upper end is."""
+    median itself is infinite. The interval is left out where its upper end is, and of fewer than six numbers."""
     from scipy.stats import binom
 
     ordered = sorted(values)
@@ -122,9 +122,12 @@ def median(values: Sequence[float]) -> Estimate | None:
     if not math.isfinite(middle):
         return None
     tail = (1.0 - CONFIDENCE) / 2
-    low = ordered[max(0, int(binom.ppf(tail, n, 0.5)) - 1)]
-    high = ordered[min(n - 1, int(binom.ppf(1.0 - tail, n, 0.5)))]
-    return Estimate(middle, low, high, n) if math.isfinite(high) else Estimate(middle, None, None, n)
+    rank = int(
+        binom.ppf(tail, n, 0.5)
+    )  # of the lower end, counted from 1; the upper one is as far from the other end
+    if rank == 0 or not math.isfinite(ordered[n - rank]):
+        return Estimate(middle, None, None, n)
+    return Estimate(middle, ordered[rank - 1], ordered[n - rank], n)
 
 
 def _strata(parts: Sequence[Track], values: Callable[[Track], Sequence[float]]) -> list[Array]:

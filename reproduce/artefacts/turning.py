@@ -128,7 +128,7 @@ def _times(row: str, label: str, mine: list[Track], lab: float, runs: Sequence[s
     times = [track.arrived for track in mine]
     middle = median(times)
     n = len(times)
-    note = "" if middle is None or middle.high is not None else "interval open above"
+    note = "" if middle is None or middle.high is not None else "interval open above, or too few episodes"
     first = (
         empty_cell(row, label, TIME, None, "fewer than half get there", status="undefined", runs=runs, n=n)
         if middle is None

@@ -83,6 +83,7 @@ def test_medians_count_those_that_never_arrive():
         40.0,
         61.0,
     )  # ranks 40 and 61 of 100, the sign test's
+    assert median([1.0] * 5).low is None and median([1.0] * 6).low == 1.0
     assert median([1.0] * 51 + [math.inf] * 49).high is None
 
 
