@@ -14,6 +14,7 @@ from reproduce.results import Results
 from reproduce.style import GREY, LINES, TACTILE, figure, footnote, save, say_missing
 from reproduce.tracks import Track, means, tracks
 from tactile_kit.evaluation.failures import KINDS, kind_of_moment
+from tactile_kit.evaluation.rows import SUCCESS_ANGLE
 from tactile_kit.evaluation.summary import share
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def _note(kind: str, found: list[Track], kinds: Sequence[str | None]) -> str:
     if kind != "stall":
         return ""
     mine = [track.last for track, one in zip(found, kinds, strict=True) if one == kind]
-    near = sum(last.believed < last.theta and last.believed < 0.4 for last in mine)
+    near = sum(last.believed < SUCCESS_ANGLE for last in mine)
     return f"{near} of {len(mine)} believe to be there"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +22,7 @@ from tactile_kit.evaluation.courses import MOMENTS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+Terms = Callable[[Track], tuple[float, float]]
 COLOURS = (LINES[1], LINES[2], LINES[4], GREY)
 TOLD = (1.0, 2.0, 5.0, 10.0)  # s, at which errors go to the CSV
 BINS = 6  # of sigma, with equally many moments each
@@ -101,7 +102,7 @@ def _reliability(
     for number, (low, high) in enumerate(pairwise(edges)):
         top = math.inf if number == len(edges) - 2 else high
 
-        def squares(name: str, low: float = low, top: float = top):  # of a column where sigma is in the bin
+        def squares(name: str, low: float = low, top: float = top) -> Terms:  # where sigma is in the bin
             def terms(track: Track) -> tuple[float, float]:
                 pairs = zip(track.values(name), track.values("sigma"), strict=True)
                 inside = [value**2 for value, sigma in pairs if low <= sigma < top]
