@@ -22,11 +22,12 @@ from record import arguments, from_tests, write
 from scipy.spatial.transform import Rotation
 
 import object_sets
-from tactile_kit.shape import MeshTable, basis_points, bps_vectors, twin
+from tactile_kit.shape import MeshTable, basis_points, bps_vectors
 
 MESHES = 64
 ROUND = 0.12  # s of each candidate in a round
 Poses = tuple[torch.Tensor, torch.Tensor, torch.Tensor]
+twin = from_tests("shape/bps_twin.py")
 
 
 def nominal(triangles: int) -> trimesh.Trimesh:

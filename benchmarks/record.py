@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import importlib.metadata
-import importlib.util
 import json
 import os
 import platform
@@ -64,13 +63,11 @@ def machine(packages: tuple[str, ...]) -> dict[str, Any]:
 
 
 def from_tests(path: str) -> Any:
-    """A helper module of the tests, by its path below ``tests/``."""
-    name = f"tests_{Path(path).stem}"
-    spec = importlib.util.spec_from_file_location(name, ROOT / "tests" / path)
-    assert spec is not None and spec.loader is not None
-    sys.modules[name] = module = importlib.util.module_from_spec(spec)  # dataclasses look there
-    spec.loader.exec_module(module)
-    return module
+    """A helper module of the tests, by its path below ``tests/``; it may import those beside it."""
+    file = ROOT / "tests" / path
+    if str(file.parent) not in sys.path:
+        sys.path.append(str(file.parent))
+    return importlib.import_module(file.stem)
 
 
 class Sections:

@@ -22,6 +22,15 @@ class MassProperties(NamedTuple):
     )  # (3, 3) float64, kg m^2 for a mass of 1 kg, about the centre of mass, axes of the vertices
 
 
+def signed_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """m^3 inside a closed mesh, vertices (V, 3) m and faces (F, 3); positive where they point outward.
+
+    Relative to a corner of the mesh: far from the origin the plain sum would cancel.
+    """
+    a, b, c = (vertices - vertices[faces[0, 0]])[faces].transpose(1, 0, 2)
+    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6.0)
+
+
 def mass_properties(vertices: np.ndarray, faces: np.ndarray) -> MassProperties:
     """Volume, centre of mass and inertia tensor, exact but for rounding.
 

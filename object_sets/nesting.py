@@ -19,6 +19,7 @@ from manifold3d import Manifold
 from object_sets.csg import to_manifold, union
 from object_sets.errors import MeshError
 from object_sets.limits import BODIES
+from object_sets.mass import signed_volume
 from object_sets.topology import Bodies
 
 FLAT = 1e-6  # volume over area to the power of 3/2: with less a body is a sheet and has no inside
@@ -157,8 +158,6 @@ def _boxes(solids: Sequence[Manifold]) -> tuple[np.ndarray, np.ndarray]:
 
 def _measure(vertices: np.ndarray, faces: np.ndarray) -> tuple[float, float]:
     """Signed volume and area of a closed surface."""
-    a, b, c = (vertices - vertices[faces[0, 0]])[faces].transpose(1, 0, 2)
-    normals = np.cross(b - a, c - a)
-    return float(np.einsum("fi,fi->f", a, normals).sum() / 6.0), float(
-        np.linalg.norm(normals, axis=1).sum() / 2.0
-    )
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0
+    return signed_volume(vertices, faces), float(area)

@@ -12,6 +12,7 @@ import numpy as np
 
 from object_sets.edges import components
 from object_sets.errors import MeshError
+from object_sets.mass import signed_volume
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
@@ -208,9 +209,7 @@ def _open(faces: np.ndarray, name: str) -> MeshError:
 
 
 def _outward(vertices: np.ndarray, faces: np.ndarray, neighbours: np.ndarray, name: str) -> Surface:
-    # Relative to a corner of the mesh: far from the origin the plain sum would cancel.
-    a, b, c = (vertices - vertices[faces[0, 0]])[faces].transpose(1, 0, 2)
-    volume = float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6.0)
+    volume = signed_volume(vertices, faces)
     if volume <= 0:
         raise MeshError(
             name, f"signed volume {volume:.3e} m^3, must be positive (faces wound outward)", AGAIN

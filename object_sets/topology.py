@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from object_sets.edges import border, components, edges_of
 from object_sets.errors import MeshError
 from object_sets.folds import without_folds
+from object_sets.mass import signed_volume
 from object_sets.stitching import oriented, without_holes, without_junctions
 
 ROUNDING = 1e-7  # of the largest extent: positions nearer than this are one
@@ -160,11 +161,10 @@ def _parted(path: Path, vertices: np.ndarray, faces: np.ndarray) -> tuple[np.nda
     firsts = np.concatenate([[0], np.cumsum(uses)[:-1]])
     two = firsts[uses == 2]
     pairs = [np.column_stack([order[two], order[two + 1]])]
-    corners = vertices[faces]
-    outward = np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() >= 0
+    outward = signed_volume(vertices, faces) >= 0
     for index in np.flatnonzero(uses > 2):
         around = order[firsts[index] : firsts[index] + uses[index]]
-        pairs.append(_paired(vertices, faces, around, forward[around], bool(outward)))
+        pairs.append(_paired(vertices, faces, around, forward[around], outward))
     first, second = np.concatenate(pairs).T
     after = lambda side: side // 3 * 3 + (side % 3 + 1) % 3  # noqa: E731
     names = components(

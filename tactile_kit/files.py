@@ -6,11 +6,12 @@ import hashlib
 import json
 import os
 import re
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from object_sets.storage import sync_directory
+from object_sets.storage import write_atomic as write_atomically
 from tactile_kit.errors import AgentError
 
 if TYPE_CHECKING:
@@ -20,23 +21,6 @@ if TYPE_CHECKING:
 def digest(data: bytes) -> str:
     """SHA-256, hexadecimal."""
     return hashlib.sha256(data).hexdigest()
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """``path`` holds either what it held before or all of ``data``, also after a power cut. Its folder is made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(name, 0o644)  # mkstemp makes private files; these are to be read like any other
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-    sync_directory(path.parent)
 
 
 def staged(path: Path) -> Path:
@@ -73,15 +57,6 @@ def settle(directory: Path, manifest: str) -> None:
             os.replace(waiting, directory / waiting.stem)
         else:
             waiting.unlink()
-
-
-def sync_directory(path: Path) -> None:
-    """Make renames inside ``path`` durable."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def tensor_bytes(tensors: Mapping[str, Tensor]) -> bytes:

@@ -39,7 +39,7 @@ class InputLayout:
     @classmethod
     def of_env(cls, env) -> InputLayout:
         """The layout of a vector environment: its ``layout`` and, where it has one, its ``encoding``."""
-        terms = tuple((str(name), int(size)) for name, size in term_sizes(env.layout).items())
+        terms = tuple((str(name), int(size)) for name, size in env.layout.sizes.items())
         encoding = getattr(env, "encoding", None)
         return cls.of_encoding(terms, encoding)
 
@@ -80,14 +80,6 @@ class InputLayout:
     @property
     def features_size(self) -> int:
         return sum(size for _, size in self.features)
-
-
-def term_sizes(layout) -> dict[str, int]:
-    """Names and sizes of an observation layout, in order."""
-    if hasattr(layout, "sizes") and isinstance(layout.sizes, dict):
-        return dict(layout.sizes)
-    names = list(layout.names)
-    return {name: layout.slice(name).stop - layout.slice(name).start for name in names}
 
 
 class RunningNorm(nn.Module):

@@ -41,5 +41,4 @@ class Noise:
 
     def restore(self, tensors: Tensors) -> None:
         self._generator.set_state(tensors["noise"])
-        if "wander" in tensors:  # checkpoints from before noise was correlated have none
-            self._last = tensors["wander"].clone()
+        self._last = tensors["wander"].clone()

@@ -79,25 +79,10 @@ class HandActorCriticPolicy(ActorCriticPolicy):
     def norm(self) -> RunningNorm:
         return self.actor.features.norm
 
-    def moments_and_values(self, obs: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Mean ``(B, A)``, log sigma ``(A,)`` and value ``(B,)``, normalising once."""
-        return self.heads(self.norm(obs))
-
     def heads(self, normalised: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """:meth:`moments_and_values` of observations that are normalised already."""
+        """Mean ``(B, A)``, log sigma ``(A,)`` and value ``(B,)`` of observations that ``norm`` has normalised."""
         mean, log_std = self.actor.moments(self.actor.features.embed(normalised))
         return mean, log_std, self.critic.embed(self.critic.features.embed(normalised)).squeeze(1)
-
-    def forward(self, obs: Tensor, deterministic: bool = False) -> tuple[Tensor, Tensor, Tensor]:
-        mean, log_std, values = self.moments_and_values(obs)
-        distribution = self.action_dist.proba_distribution(mean, log_std)
-        actions = distribution.get_actions(deterministic=deterministic)
-        return actions, values[:, None], distribution.log_prob(actions)
-
-    def evaluate_actions(self, obs: Tensor, actions: Tensor) -> tuple[Tensor, Tensor, Tensor | None]:
-        mean, log_std, values = self.moments_and_values(obs)
-        distribution = self.action_dist.proba_distribution(mean, log_std)
-        return values[:, None], distribution.log_prob(actions), distribution.entropy()
 
     def get_distribution(self, obs: Tensor):
         return self.action_dist.proba_distribution(*self.actor.moments(self.actor.features(obs)))

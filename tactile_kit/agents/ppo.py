@@ -51,7 +51,7 @@ class PPO(stable_baselines3.PPO):
             any order of sums.
 
     Attributes:
-        log_std: ceiling of log sigma, from outside.
+        ceiling: of log sigma, from outside.
     """
 
     policy: HandActorCriticPolicy  # type: ignore[assignment]
@@ -79,7 +79,7 @@ class PPO(stable_baselines3.PPO):
         self.order = stream(seed, "learner", "minibatches")
         self.lessons: Lessons | None = None
         self.rate = config.learning_rate
-        self.log_std = math.inf
+        self.ceiling = math.inf
         self._means = Means()
         policy: dict[str, Any] = {
             "layout": layout,
@@ -125,7 +125,7 @@ class PPO(stable_baselines3.PPO):
         callback.on_rollout_start()
         buffer = rollout_buffer
         buffer.reset()
-        self.policy.actor.log_std.data.clamp_(max=self.log_std)
+        self.policy.actor.log_std.data.clamp_(max=self.ceiling)
         log_std = self.policy.actor.log_std.detach().clone()
         dones = self._last_episode_starts
         for step in range(n_rollout_steps):

@@ -46,7 +46,9 @@ def unpack_optimizer(
         entries.setdefault(int(number), {})[key] = tensor.clone()
     parameters = [parameter for group in optimizer.param_groups for parameter in group["params"]]
     for index, entry in entries.items():
-        if index >= len(parameters) or entry["exp_avg"].shape != parameters[index].shape:
+        shape = tuple(parameters[index].shape) if index < len(parameters) else None
+        wanted = {"step": (), "exp_avg": shape, "exp_avg_sq": shape}
+        if {name: tuple(moment.shape) for name, moment in entry.items()} != wanted:
             raise ValueError(f"optimiser state {prefix}/{index} does not fit the network")
     state["state"] = entries
     for group, rate in zip(state["param_groups"], values["learning_rates"], strict=True):

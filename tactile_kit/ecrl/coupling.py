@@ -175,7 +175,7 @@ class Coupling:
         if self.trainer is not None:
             self.trainer.load_state_tensors(_below(flat, "trainer."))
         self.state = EstimatorState(**_below(flat, "state."))
-        self.memory.load_tensors(_below(flat, "memory."))
+        self.memory.load_tensors(_below(flat, "memory."), count, len(self.encoding.meshes))
         self._fresh, self._x, self._R = flat["fresh"], flat["x"], flat["R"]
         self.truth, self._episodes = np.array(arrays["truth"]), np.array(arrays["episodes"])
         self._measured = {name: float(value) for name, value in _below(flat, "measured.").items()}

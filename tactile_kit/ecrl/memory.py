@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from tactile_kit.errors import EstimatorError
 from tactile_kit.estimator.sequences import Sequences
 from tactile_kit.estimator.state import EstimatorState
 
@@ -53,18 +54,25 @@ class Memory:
             flat |= {f"open.state.{name}": value for name, value in self._state._asdict().items()}
         return flat
 
-    def load_tensors(self, flat: dict[str, Tensor]) -> None:
-        """Inverse of :meth:`tensors`."""
+    def load_tensors(self, flat: dict[str, Tensor], num_envs: int, meshes: int) -> None:
+        """Inverse of :meth:`tensors`.
+
+        Raises EstimatorError unless they are of ``num_envs`` environments, ``meshes`` and as many steps as it records.
+        """
         self.recent = []
         while part := _below(flat, f"recent.{len(self.recent)}."):
-            self.recent.append(Sequences.from_tensors(part))
+            self.recent.append(Sequences.from_tensors(part).of(num_envs, meshes))
+        if any(sequences.steps != self.steps for sequences in self.recent):
+            raise EstimatorError(f"a recording has other steps than the {self.steps} allowed")
         self._rows, self._state = [], None
         if part := _below(flat, "open."):
-            self._state = EstimatorState(
-                **{name: part.pop(f"state.{name}") for name in EstimatorState._fields}
-            )
-            count = len(next(iter(part.values())))
-            self._rows = [{name: value[index] for name, value in part.items()} for index in range(count)]
+            begun = Sequences.from_tensors(part).of(num_envs, meshes)
+            if begun.steps >= self.steps:
+                raise EstimatorError(
+                    f"a recording of {begun.steps} steps is open, allowed: fewer than {self.steps}"
+                )
+            self._state = begun.state
+            self._rows = [begun.row(index) for index in range(begun.steps)]
 
 
 def _below(flat: dict[str, Tensor], prefix: str) -> dict[str, Tensor]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -41,16 +41,7 @@ class Sequences:
         if self.z.ndim != 3:
             raise EstimatorError(f"z has shape {tuple(self.z.shape)}, allowed: (T, E, 144)")
         lead = self.z.shape[:2]
-        wanted: dict[str, tuple[int, ...]] = {
-            "mesh": (),
-            "started": (),
-            "valid": (),
-            "x_before": (3,),
-            "R_before": (3, 3),
-            "x": (3,),
-            "R": (3, 3),
-        }
-        for name, rest in wanted.items():
+        for name, (rest, _) in _ARRAYS.items():
             shape = tuple(getattr(self, name).shape)
             if shape != (*lead, *rest):
                 raise EstimatorError(f"{name} has shape {shape}, allowed: {(*lead, *rest)}")
@@ -70,6 +61,10 @@ class Sequences:
         parts = {name: getattr(self, name)[:, index] for name in _ARRAYS}
         distances = None if self.distances is None else self.distances[:, index]
         return Sequences(**parts, state=self.state.rows(index), distances=distances)
+
+    def row(self, step: int) -> dict[str, Tensor]:
+        """One step's arrays by name, ``(E, ...)``."""
+        return {name: getattr(self, name)[step] for name in _ARRAYS}
 
     def starting(self, state: EstimatorState) -> Sequences:
         """The same steps after another ``state``."""
@@ -98,5 +93,29 @@ class Sequences:
         state = EstimatorState(**{name: tensors[f"state.{name}"] for name in EstimatorState._fields})
         return cls(**{name: tensors[name] for name in _ARRAYS}, state=state)
 
+    def of(self, num_envs: int, meshes: int) -> Sequences:
+        """These, where they are of so many environments and meshes, and of the types they are recorded in.
 
-_ARRAYS = tuple(field.name for field in fields(Sequences) if field.name not in ("state", "distances"))
+        Raises EstimatorError.
+        """
+        for name, (_, dtype) in _ARRAYS.items():
+            if (found := getattr(self, name).dtype) != dtype:
+                raise EstimatorError(f"{name} is of {found}, allowed: {dtype}")
+        if len(self) != num_envs:
+            raise EstimatorError(f"{len(self)} environments, allowed: {num_envs}")
+        if self.mesh.numel() and not 0 <= int(self.mesh.min()) <= int(self.mesh.max()) < meshes:
+            raise EstimatorError(f"mesh {int(self.mesh.max())}, allowed: 0 to {meshes - 1}")
+        return self
+
+
+# beyond the first two axes, steps and environments
+_ARRAYS: dict[str, tuple[tuple[int, ...], torch.dtype]] = {
+    "z": ((144,), torch.float32),
+    "mesh": ((), torch.int64),
+    "started": ((), torch.bool),
+    "x_before": ((3,), torch.float32),
+    "R_before": ((3, 3), torch.float32),
+    "x": ((3,), torch.float32),
+    "R": ((3, 3), torch.float32),
+    "valid": ((), torch.bool),
+}

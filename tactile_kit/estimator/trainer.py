@@ -157,9 +157,11 @@ class EstimatorTrainer:
             load_weights(cell, {k.removeprefix(part): v for k, v in flat.items() if k.startswith(part)})
         self.optimizer.state.clear()
         for name, parameter in self.learning.named_parameters():
-            found = {moment: flat[key] for moment in _MOMENTS if (key := f"adam.{moment}.{name}") in flat}
+            found = {key: flat[at] for key in _MOMENTS if (at := f"adam.{key}.{name}") in flat}
+            if any(value.shape != (parameter.shape if key != "step" else ()) for key, value in found.items()):
+                raise EstimatorError(f"adam.{name}: its moments don't fit the estimator {self.cell.config}")
             if found:
-                self.optimizer.state[parameter] = {moment: value.clone() for moment, value in found.items()}
+                self.optimizer.state[parameter] = {key: value.clone() for key, value in found.items()}
         self.average.steps, self.iteration = int(flat["averaged"]), int(flat["iteration"])
 
 

@@ -6,6 +6,7 @@ For development: episodes are played in the compiled physics. What is reported o
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from randomization import derive
 from tactile_kit.errors import EvaluationError
-from tactile_kit.evaluation.compiled import compiled_task
+from tactile_kit.evaluation.compiled import compiled_task, played
 from tactile_kit.evaluation.schedule import HORIZON
 from tactile_kit.rotations import geodesic
 
@@ -109,37 +110,24 @@ def follow(
     """
     if agent.estimator is None:
         raise EvaluationError(f"{agent.directory}: an {agent.kind} has no estimator")
-    env = agent.make_env(
-        compiled_task(agent, objects), episodes, threads, derive(seed, "evaluation", "estimates")
-    )
-    try:
-        return _played(agent, env, truth)
-    finally:
-        env.close()
-
-
-def _played(agent: Any, env: Any, truth: bool) -> Followed:
-    env.coupling.told = truth
-    count = env.num_envs
     names = ("angle", "position", "sigma", "goal", "believed")
-    rows: dict[str, Any] = {name: np.full((HORIZON, count), np.nan) for name in names}
-    held = np.zeros((HORIZON, count), bool)
-    observation = env.reset()
-    things = env.variants.objects
-    object_id = np.array([things[v].id for v in env.state.variant])
-    playing = np.ones(count, bool)
-    for step in range(HORIZON):
-        observation, _, done, _ = env.step(agent.act(observation))
-        last, estimate = env.transition, env.estimated
-        row = {
-            "angle": geodesic(estimate.R, last.R),
-            "position": np.linalg.norm(estimate.x - last.x, axis=1),
-            "sigma": estimate.sigma[:, 1],
-            "goal": geodesic(last.R, last.goal),
-            "believed": geodesic(estimate.R, last.goal),
-        }
-        for name, values in row.items():
-            rows[name][step] = np.where(playing, values, np.nan)
-        held[step] = playing
-        playing = playing & ~done
+    rows: dict[str, Any] = {name: np.full((HORIZON, episodes), np.nan) for name in names}
+    held = np.zeros((HORIZON, episodes), bool)
+    seed = derive(seed, "evaluation", "estimates")
+    with closing(agent.make_env(compiled_task(agent, objects), episodes, threads, seed)) as env:
+        env.coupling.told = truth
+        observation = env.reset()
+        object_id = np.array([env.variants.objects[v].id for v in env.state.variant])
+        for step, (playing, _, _) in enumerate(played(agent, env, observation)):
+            last, estimate = env.transition, env.estimated
+            row = {
+                "angle": geodesic(estimate.R, last.R),
+                "position": np.linalg.norm(estimate.x - last.x, axis=1),
+                "sigma": estimate.sigma[:, 1],
+                "goal": geodesic(last.R, last.goal),
+                "believed": geodesic(estimate.R, last.goal),
+            }
+            for name, values in row.items():
+                rows[name][step] = np.where(playing, values, np.nan)
+            held[step] = playing
     return Followed(**rows, held=held, object_id=object_id)

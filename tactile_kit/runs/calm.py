@@ -26,6 +26,9 @@ class CalmConfig(Settings):
     )
     patience: PositiveInt = Field(5_000_000, description="Environment steps of a span.")
     gain: float = Field(0.005, ge=0, le=1, description="Least rise of success from one span to the next.")
+    floor: float = Field(
+        0.1, ge=0, le=1, description="Success below which no level is left: learning has not begun."
+    )
 
     @model_validator(mode="after")
     def _falls(self) -> CalmConfig:
@@ -68,7 +71,8 @@ class Calm:
         if steps - begun < self.config.patience or episodes == told:
             return
         now = (successes - reached) / (episodes - told)
-        level = self._before is not None and now < self._before + self.config.gain
+        rises = self._before is None or now >= self._before + self.config.gain
+        level = not rises and now >= self.config.floor
         self._before, self._start = now, (steps, episodes, successes)
         if level:
             self._before = None

@@ -22,7 +22,7 @@ from tactile_kit.task.config import RewardConfig, TaskConfig
 TASK = TaskConfig(  # to learn on; the class itself says what the paper does
     scaling="random",
     action="increment",
-    reward=RewardConfig(drop=1.5, posture=0.1, rotation_clip=0.2, arrival=1.5),
+    reward=RewardConfig(drop=1.5, posture=0.1, rotation_clip=0.2, arrival=4.0),
 )
 
 

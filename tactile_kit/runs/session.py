@@ -16,6 +16,7 @@ from tactile_kit.runs.calm import Calm
 from tactile_kit.runs.config import RunConfig
 from tactile_kit.runs.directory import versions
 from tactile_kit.runs.export import export_agent
+from tactile_kit.runs.fitting import require_tensors, require_values
 from tactile_kit.runs.metrics import Tracker
 
 
@@ -48,6 +49,13 @@ class Run:
 
     def save(self) -> None:
         """A checkpoint of everything, then the exported agent. Raises OSError."""
+        tensors, body = self.state()
+        folder = self.directory / "checkpoints"
+        checkpoints.save(folder, self.learner.num_timesteps, tensors, body, self.config.checkpoint.keep)
+        self.export()
+
+    def state(self) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
+        """All that a checkpoint holds: tensors, and values for JSON."""
         tensors, values = self.learner.state()
         body: dict[str, Any] = {
             "learner": values,
@@ -68,9 +76,7 @@ class Run:
         if hasattr(self.env, "get_state"):
             arrays, body["env"] = _split(self.env.get_state())
             tensors |= pack("env", {name: torch.from_numpy(array) for name, array in arrays.items()})
-        folder = self.directory / "checkpoints"
-        checkpoints.save(folder, self.learner.num_timesteps, tensors, body, self.config.checkpoint.keep)
-        self.export()
+        return tensors, body
 
     def export(self) -> None:
         """The agent as it is now."""
@@ -86,9 +92,12 @@ class Run:
         )
 
     def restore(self, saved: checkpoints.Checkpoint) -> None:
-        """Take up the state of a checkpoint. Raises CheckpointError when it does not fit."""
+        """Take up the state of a checkpoint, before anything is played. Raises CheckpointError when it does not fit."""
         values = saved.values
         try:
+            tensors, body = self.state()
+            require_tensors(tensors, saved.tensors)
+            require_values({name: body[name] for name in body.keys() - {"config", "versions"}}, values)
             self.learner.restore(unpack("learner", saved.tensors), values["learner"])
             self.tracker.restore(values["tracker"])
             if "env" in values and hasattr(self.env, "set_state"):
@@ -108,7 +117,7 @@ class Run:
         settled = settled and self.learner.leads and not rho
         self.calm.look(settled, self.learner.num_timesteps, self.tracker.episodes, self.tracker.successes)
         if self.calm.log_std is not None:
-            self.learner.log_std = self.calm.log_std
+            self.learner.ceiling = self.calm.log_std
         if hasattr(self.env, "slow"):
             self.env.slow(self.calm.slowed)
 

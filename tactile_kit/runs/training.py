@@ -14,11 +14,12 @@ import numpy as np
 import torch
 
 from randomization import derive
-from tactile_kit.errors import ConfigError
+from tactile_kit.errors import CheckpointError, ConfigError
 from tactile_kit.files import json_bytes, read_json, settle, write_atomically
 from tactile_kit.runs import checkpoint as checkpoints
 from tactile_kit.runs.config import RunConfig, differences
 from tactile_kit.runs.directory import hardware, locked, revision, versions
+from tactile_kit.runs.fitting import require_values
 from tactile_kit.runs.metrics import MetricsFile, Tracker, read_metrics
 from tactile_kit.runs.progress import Progress
 from tactile_kit.runs.session import Run
@@ -309,6 +310,10 @@ def _check_resume(config: RunConfig, saved: checkpoints.Checkpoint, directory: P
         raise ConfigError(
             f"{directory}: holds a run at {saved.step:,} steps; resume it or choose another directory"
         )
+    try:
+        require_values({"hours": 0.0}, saved.values)  # which is told before anything is prepared
+    except ValueError as problem:
+        raise CheckpointError(f"{saved.path}: does not fit this run: {problem}") from None
     lines = differences(_completed(saved.values["config"]), config.to_dict())
     found = versions()
     lines += [

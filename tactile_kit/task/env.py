@@ -77,17 +77,17 @@ class ReorientEnv(gymnasium.Env):
 
     def step(self, action: NDArray) -> tuple[NDArray, float, bool, bool, dict[str, Any]]:
         """Play one action; 0.1 s. Raises ``ActionError`` where it has another shape, or is not finite."""
-        R_before, x_before = self._R.copy(), self._x.copy()
+        left, x_before = self._left(), self._x.copy()
         action = checked(action, (JOINTS,), finite=True).astype(np.float64)
         status = self.simulator.step(for_simulator(self.config, action[None], self._z[None])[0])
         self._read()
         terminated = status in (Status.DROP, Status.FAULT)
+        theta = self._left()
         terms = reward_terms(
-            self.config.reward, R_before, self._R, self.spec_now.goal, x_before, self._x, self._x0, self._q, terminated
-        )  # fmt: skip
-        theta = float(geodesic(self._R, self.spec_now.goal))
+            self.config.reward, left, theta, x_before, self._x, self._x0, self._q, terminated
+        )
         info: dict[str, Any] = {
-            "theta": theta,
+            "theta": float(theta),
             "reward_terms": {name: float(value) for name, value in terms.items()},
         }
         info["success"] = bool(status == Status.TIME and theta < self.config.success_angle)
@@ -114,6 +114,10 @@ class ReorientEnv(gymnasium.Env):
     def close(self) -> None:
         """Disconnect from Bullet."""
         self.simulator.close()
+
+    def _left(self) -> Any:
+        """Angle to the goal, rad."""
+        return geodesic(self._R, self.spec_now.goal)
 
     def _read(self) -> None:
         self.simulator.read(self._z, self._x, self._R, self._q)

@@ -24,7 +24,7 @@ from tactile_kit.task.core import Core
 from tactile_kit.task.episodes import Episodes
 from tactile_kit.task.goals import EpisodeSpec
 from tactile_kit.task.observation import Belief
-from tactile_kit.task.reward import terms_of_angles
+from tactile_kit.task.reward import reward_terms
 from tactile_kit.task.state import EpisodeResult, State, Transition
 from tactile_kit.task.variants import Variants, prepare
 
@@ -109,11 +109,13 @@ class ReorientVecEnv(VecEnv):
         """Go on with the episodes that were announced when the state was taken, from the next ``reset`` on.
 
         Raises:
-            ValueError: the state is of another number of environments.
+            ValueError: the state is of another number of environments, or of episodes before the first.
         """
         numbers = np.asarray(arrays["next_episode"], np.int64)
         if numbers.shape != (self.num_envs,):
             raise ValueError(f"state of {numbers.size} environments: allowed are {self.num_envs}")
+        if numbers.min() < 0:
+            raise ValueError(f"next episode {numbers.min()}: allowed are 0 and more")
         self.episodes.reseed(self.episodes.seed, numbers)
 
     def _begin(self, mask: Array) -> None:
@@ -204,7 +206,7 @@ class ReorientVecEnv(VecEnv):
         truncated = status == Status.TIME
         terminated = (status == Status.DROP) | (status == Status.FAULT)
         theta_before, self._theta = self._theta, geodesic(state.R, state.goal)
-        terms = terms_of_angles(
+        terms = reward_terms(
             self.config.reward, theta_before, self._theta, x_before, state.x, state.x0, views["q"], terminated
         )
         reward = np.sum(list(terms.values()), axis=0).astype(np.float32)

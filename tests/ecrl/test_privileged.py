@@ -86,8 +86,8 @@ def test_the_actor_reads_its_own_terms_alone(envs) -> None:
     other = observation.clone()
     other[:, -WIDTH:] += 1.0
     with torch.no_grad():
-        mean, _, value = learner.policy.moments_and_values(observation)
-        same, _, elsewhere = learner.policy.moments_and_values(other)
+        mean, _, value = learner.policy.heads(learner.policy.norm(observation))
+        same, _, elsewhere = learner.policy.heads(learner.policy.norm(other))
     assert torch.equal(mean, same)
     assert not torch.allclose(value, elsewhere)
     size = learner.input_layout.size

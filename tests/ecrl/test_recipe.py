@@ -75,17 +75,6 @@ def test_at_first_only_the_estimator_learns_then_the_critic_then_all(oracle: Pat
     assert torch.equal(actors[0], weights(oracle, "policy.safetensors")["mean.weight"])
 
 
-def test_a_stopped_run_goes_on_exactly(oracle: Path, tactile: Path, tmp_path: Path) -> None:
-    """Also in the middle of a recording; checkpoints are episode boundaries, so both runs are cut alike."""
-    config = tree(oracle, 6 * ROLLOUT, 2 * ROLLOUT, 2 * ROLLOUT, checkpoint={"steps": 3 * ROLLOUT})
-    whole = train(config, tmp_path / "whole", quiet=True)
-    train(config.model_copy(update={"steps": 3 * ROLLOUT}), tmp_path / "cut", quiet=True)
-    train(config, tmp_path / "cut", quiet=True)
-    for name in ("policy.safetensors", "critic.safetensors", "estimator.safetensors"):
-        one, other = weights(whole, name), weights(tmp_path / "cut", name)
-        assert all(torch.equal(one[key], other[key]) for key in one), name
-
-
 def test_figures_tell_of_beliefs(tactile: Path) -> None:
     last = read_metrics(tactile)[-1]
     assert {

@@ -33,6 +33,12 @@ def test_a_level_is_kept_while_success_rises() -> None:
     assert run.span(31) == 1 and (run.calm.log_std, run.calm.slowed) == (-2.0, 0.5)
 
 
+def test_no_level_is_left_before_anything_succeeds() -> None:
+    run = Watched()
+    assert [run.span(percent) for percent in (0, 2, 2, 9, 9, 12)] == [0] * 6
+    assert run.span(12) == 1
+
+
 def test_each_level_gets_two_spans_of_its_own_and_then_it_is_over() -> None:
     run = Watched()
     assert [run.span(50) for _ in range(6)] == [0, 1, 1, 2, 2, 2]

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import bps_twin as twin
 import numpy as np
 import torch
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from tactile_kit.shape import MeshTable, basis_points, twin
+from tactile_kit.shape import MeshTable, basis_points
 
 POINTS = torch.from_numpy(basis_points())
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import subprocess
 import sys
 
+import bps_twin as twin
 import numpy as np
 import pytest
 import torch
 from bps_cases import hard_shapes, random_poses, table_of
 
-from tactile_kit.shape import BPS, ENCODINGS, PoseError, VecBPS, basis_points, bps_vectors, encoding, twin
+from tactile_kit.shape import BPS, ENCODINGS, PoseError, VecBPS, basis_points, bps_vectors, encoding
 from tactile_kit.shape.pointnet import POINTS, PointNet
 
 SHAPES = hard_shapes()
