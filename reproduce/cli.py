@@ -18,8 +18,11 @@ from reproduce.errors import ReproduceError
 from reproduce.measuring import (
     Json,
     evaluate_planner,
+    film_failures,
+    measure_courses,
     measure_estimator,
     measure_sensitivity,
+    measure_side_by_side,
     train_estimator,
 )
 from reproduce.output import counted, dumps, say, tell
@@ -77,8 +80,9 @@ def stage(
     """Run one stage by hand: objects, grasps, train, evaluate, or a table, figure, claims, report.
 
     Args:
-        name: Stage: objects, grasps, train, evaluate, table1, table2, object_sets, learning, violin, success, transfer,
-            sensitivity, complex, extent, confusion, film, claims, report.
+        name: Stage: objects, grasps, train, evaluate, table1, table2, estimators, object_sets, learning, violin,
+            success, transfer, sensitivity, following, turning, failures, complex, extent, confusion, film, claims,
+            report.
         item: Which job of the stage, for example oracle-vec_bps-geometric8-s0/nominal; all of them by default.
         scale: As in run.
         source: As in run.
@@ -269,7 +273,7 @@ def status(
 
 COMMANDS = (
     run, stage, status, train, evaluate, film, view, train_estimator, measure_estimator,
-    measure_sensitivity, evaluate_planner,
+    measure_courses, measure_side_by_side, film_failures, measure_sensitivity, evaluate_planner,
 )  # fmt: skip
 
 

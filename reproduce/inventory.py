@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from reproduce.plan import Plan
 
 TRANSFER = "mujoco"  # the evaluation in another simulator
+FAILED = "failures"  # the folder of films of failures; found, not made
 PLANNER = "planner"  # its episodes are found, not made by the pipeline
 SENSITIVITY = "sensitivity"  # courses under one term of the randomisation at a time; found, not made
+SIDE_BY_SIDE = (
+    "estimators"  # courses of an oracle's episodes with estimators beside it, and what they cost; likewise
+)
+COURSE = "courses"  # an agent's own; likewise
 KALMAN = "kalman"  # the evaluation in which a filter stands in for the agent's own estimator
 
 ORACLE, TACTILE = "oracle-vec_bps-geometric8", "tactile-vec_bps-geometric8"
@@ -40,13 +46,24 @@ NEEDS: dict[str, tuple[list[tuple[str, str]], bool]] = {
     **{name: (pairs, False) for name, pairs in _NOMINAL.items()},
     "table1": ([*_NOMINAL["table1"], *_BESIDE], False),
     "sensitivity": ([], False),
+    "estimators": ([(TACTILE, "nominal"), (FINGERS, "nominal"), (TACTILE, KALMAN)], False),
+    "following": ([(TACTILE, "nominal"), (FINGERS, "nominal")], False),
+    "turning": ([], False),
+    "failures": ([], False),
     "object_sets": ([], False),
     "film": ([(FINGERS, "nominal"), (TACTILE, "nominal")], False),
     "learning": ([], True),
     "claims": (_ALL, True),
     "report": ([*_ALL, *_BESIDE], True),
 }
-COURSES = {"sensitivity": (FINGERS, SENSITIVITY)}  # artefact -> the role and name of the courses it reads
+EVALUATED = tuple(dict.fromkeys((ORACLE, FINGERS, TACTILE, *BENCHMARK, *ABLATED.values())))
+COURSES = {  # artefact -> roles and names of the courses it reads
+    "sensitivity": [(FINGERS, SENSITIVITY)],
+    "estimators": [(ORACLE, SIDE_BY_SIDE)],
+    "following": [(ORACLE, SIDE_BY_SIDE)],
+    "turning": [(role, COURSE) for role in TRANSFERRED],
+    "failures": [(role, COURSE) for role in EVALUATED],
+}
 
 
 def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
@@ -54,15 +71,16 @@ def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
     pairs, curves = NEEDS[artefact]
     roles = {role for role, _ in pairs}
     courses: dict[str, str] = {}
-    if artefact in COURSES:
-        role, name = COURSES[artefact]
+    costs: dict[str, str] = {}
+    for role, name in COURSES.get(artefact, ()):
         roles.add(role)
-        files = {
-            run.name: plan.out / "episodes" / run.name / f"{name}.csv"
-            for run in plan.runs
-            if run.role == role
-        }
-        courses = {f"{run}/{name}": str(file) for run, file in files.items() if file.is_file()}
+        for run in plan.runs:
+            file = plan.out / "episodes" / run.name / f"{name}.csv"
+            if run.role == role and file.is_file():
+                courses[f"{run.name}/{name}"] = str(file)
+                if file.with_suffix(".json").is_file():
+                    costs[f"{run.name}/{name}"] = str(file.with_suffix(".json"))
+    films = failure_films(plan.out) if artefact == "report" else []
     lines = {run.name for run in plan.runs if curves and run.kind == "oracle" and run.curves}
     episodes: dict[str, str | None] = {}
     for evaluation in plan.evaluations:
@@ -93,6 +111,8 @@ def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
         },
         "episodes": episodes,
         "courses": courses,
+        "costs": costs,
+        "films": list(map(str, films)),
         **cost,
     }
 
@@ -100,7 +120,14 @@ def inventory(plan: Plan, artefact: str) -> dict[str, Any]:
 def found(content: dict[str, Any]) -> list[str]:
     """The files of an inventory that are there already, whatever the pipeline makes."""
     files = [file for name, file in content["episodes"].items() if file and not is_made(name)]
-    return files + [*content["courses"].values(), *([content["cost"]] if "cost" in content else [])]
+    files += [*content["courses"].values(), *content["costs"].values(), *content["films"]]
+    return files + ([content["cost"]] if "cost" in content else [])
+
+
+def failure_films(out: Path) -> list[Path]:
+    """Films of failures and the table of what is in them (``reproduce.failing``), where somebody made them."""
+    table = out / "report" / FAILED / "failures.csv"
+    return [table, *sorted(table.parent.glob("*.mp4"))] if table.is_file() else []
 
 
 def is_made(episodes: str) -> bool:

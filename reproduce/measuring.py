@@ -162,3 +162,97 @@ def measure_sensitivity(
     )  # fmt: skip
     print(dumps({"episodes": count, "out": str(out)}))
     return 0
+
+
+def measure_courses(
+    agent: Annotated[Path, arg(metavar="DIR")],
+    out: Annotated[Path, arg(metavar="FILE")],
+    objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "paper",
+    goals_per_case: Annotated[int, arg(metavar="N")] = 24,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+    num_workers: int = 1,
+) -> int:
+    """Write down how an agent's episodes go in Bullet, second by second: angles, errors, sigma, first arrival, end.
+
+    Args:
+        agent: The agent's directory.
+        out: The file to write; the figures read results/episodes/<agent>/courses.csv.
+        objects: Object sets, names or ids, separated by commas.
+        goals_per_case: How many of the 24 goals each object is given.
+        seed: Of the evaluation, as in evaluate.
+        num_workers: Processes that simulate.
+    """
+    from object_sets.storage import check_file_writable
+    from reproduce.courses import courses_to
+
+    check_file_writable(out, "--out")
+    with counted("measure-courses", "episodes") as progress:
+        count = courses_to(
+            agent, out, objects=objects, goals_per_case=goals_per_case, seed=seed, num_workers=num_workers,
+            progress=progress,
+        )  # fmt: skip
+    print(dumps({"episodes": count, "out": str(out)}))
+    return 0
+
+
+def measure_side_by_side(
+    agent: Annotated[Path, arg(metavar="DIR")],
+    cells: Annotated[str, arg(metavar="DIR[,DIR]")],
+    out: Annotated[Path, arg(metavar="FILE")],
+    objects: Annotated[str, arg(metavar="NAME[,NAME]")] = "paper",
+    goals_per_case: Annotated[int, arg(metavar="N")] = 24,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+    num_workers: int = 1,
+) -> int:
+    """Set estimators side by side in Bullet: cells of tactile agents, the Kalman filter, and the object at rest.
+
+    First all follow the same episodes of an oracle that is told the truth; then each tells the oracle's policy what it
+    believes. What a step of each costs goes to the JSON beside FILE. Given again, a killed command goes on.
+
+    Args:
+        agent: The oracle whose policy acts.
+        cells: Directories of the tactile agents whose cells are compared.
+        out: The file to write or to go on with; the figure reads results/episodes/<agent>/estimators.csv.
+        objects: Object sets, names or ids, separated by commas.
+        goals_per_case: How many of the 24 goals each object is given.
+        seed: Of the evaluation, as in evaluate.
+        num_workers: Processes that simulate.
+    """
+    from object_sets.storage import check_file_writable
+    from reproduce.courses import side_by_side_to
+
+    def report(condition: str, done: int, total: int) -> None:
+        say(f"{condition}: {done} of {total} episodes")
+
+    check_file_writable(out, "--out")
+    directories = [Path(name.strip()) for name in cells.split(",") if name.strip()]
+    count = side_by_side_to(
+        agent, directories, out, objects=objects, goals_per_case=goals_per_case, seed=seed, num_workers=num_workers,
+        progress=report,
+    )  # fmt: skip
+    print(dumps({"episodes": count, "out": str(out)}))
+    return 0
+
+
+def film_failures(
+    agent: Annotated[Path, arg(metavar="DIR")],
+    courses: Annotated[Path, arg(metavar="FILE")],
+    out: Annotated[Path, arg(metavar="DIR")],
+    size: int = 192,
+    seed: Annotated[int, arg(metavar="S")] = 0,
+) -> int:
+    """Film one failure of each kind: the first episode in the agent's courses that, played alone, fails so again.
+
+    Args:
+        agent: The agent's directory.
+        courses: Its episodes, as measure-courses writes them.
+        out: The folder to write to; the report shows results/report/failures.
+        size: Edge of the picture in pixels, a multiple of 16.
+        seed: Of the evaluation that the courses are of.
+    """
+    from reproduce.failing import films_to
+
+    for row in films_to(agent, courses, out, size, seed):
+        megabytes = (out / row["film"]).stat().st_size / 1e6
+        print(f"{row['kind']}: {row['object']}, goal {row['goal']}: {row['verdict']} ({megabytes:.1f} MB)")
+    return 0

@@ -21,11 +21,14 @@ FIGURES = (
     "success",
     "transfer",
     "sensitivity",
+    "following",
+    "turning",
+    "failures",
     "complex",
     "extent",
     "confusion",
 )
-TABLES = ("table1", "table2")
+TABLES = ("table1", "table2", "estimators")
 ARTEFACTS = (*TABLES, *FIGURES, "film", "claims", "report")
 
 

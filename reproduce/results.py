@@ -73,6 +73,15 @@ class Results:
         files = [self.content["courses"].get(f"{run}/{name}") for run in self.run_names(role)]
         return [line for file in files if file is not None for line in read_courses(file)]
 
+    def costs(self, role: str, name: str) -> dict[str, Any]:
+        """What is written beside the courses of a role's first run that has it; nothing where nobody measured it."""
+        files = [self.content["costs"].get(f"{run}/{name}") for run in self.run_names(role)]
+        return next((read_json(file) for file in files if file is not None), {})
+
+    def measured(self, role: str, name: str) -> list[str]:
+        """The runs of a role behind ``courses``."""
+        return [run for run in self.run_names(role) if f"{run}/{name}" in self.content["courses"]]
+
     def evaluated(self, role: str, evaluation: str) -> list[str]:
         """The runs of a role behind ``rows``."""
         return [

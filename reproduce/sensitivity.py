@@ -71,7 +71,8 @@ def measure_to(
 
     import randomization
     from tactile_kit.agents.agent import load_agent
-    from tactile_kit.evaluation.courses import play, read_courses, write_courses
+    from tactile_kit.evaluation.courses import read_courses, write_courses
+    from tactile_kit.evaluation.playing import play
 
     torch.set_num_threads(1)
     lines = read_courses(out) if out.is_file() else []

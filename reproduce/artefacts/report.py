@@ -14,6 +14,7 @@ from reproduce.cells import Cell, percent, read_cells
 from reproduce.files import read_csv, read_yaml
 from reproduce.results import Results
 from reproduce.style import short
+from tactile_kit.evaluation.failures import KINDS
 from tactile_kit.evaluation.rows import read_rows
 
 PAPER_AGENTS = {
@@ -81,6 +82,7 @@ def content(results: Results, out: Path) -> dict[str, Any]:
         "tables": tables,
         "figures": figures,
         "film": _film(out / "report" / "film.csv"),
+        "failed": _failed(results.content["films"]),
         "paper_agents": PAPER_AGENTS,
         "episodes": _episodes(results),
     }
@@ -102,8 +104,21 @@ def _film(table: Path) -> dict[str, Any] | None:
     shown = episodes(table)
     if not shown:
         return None
-    data = base64.b64encode(film_of(table).read_bytes()).decode()
-    return {"address": f"data:video/mp4;base64,{data}", "episodes": shown, "agent": shown[0]["agent"]}
+    return {"address": _video(film_of(table)), "episodes": shown, "agent": shown[0]["agent"]}
+
+
+def _failed(files: Sequence[str]) -> list[dict[str, str]]:
+    """Films of failures, each with its row of the table beside them and its address."""
+    if not files:
+        return []
+    return [
+        row | {"words": KINDS[row["kind"]], "address": _video(Path(files[0]).parent / row["film"])}
+        for row in read_csv(Path(files[0]))
+    ]
+
+
+def _video(file: Path) -> str:
+    return f"data:video/mp4;base64,{base64.b64encode(file.read_bytes()).decode()}"
 
 
 def _image(stem: Path) -> tuple[str, int]:
@@ -127,4 +142,8 @@ def cell_text(cell: Cell, value: float | None = None) -> str:
         return f"{value:.2f} rad"
     if "(m)" in cell.quantity:
         return f"{1000 * value:.1f} mm"
+    if "(s)" in cell.quantity:
+        return f"{value:.1f} s"
+    if "(µs)" in cell.quantity:
+        return f"{value:.0f} µs"
     return f"{value:.2f}"

@@ -54,8 +54,7 @@ def film(
         ViewError: a suffix other than .gif and .mp4, or a number out of range.
     """
     path = Path(path)
-    if path.suffix not in PICTURES:
-        raise ViewError(f"{path}: allowed are films ending in {' and '.join(PICTURES)}")
+    _check(path)
     if episodes < 1 or not 1 <= columns <= MOST_COLUMNS or not 64 <= size <= 2048 or size % 16:
         raise ViewError(
             f"episodes = {episodes}, columns = {columns}, size = {size}; allowed are >= 1, 1 to {MOST_COLUMNS}, and "
@@ -66,10 +65,24 @@ def film(
     if isinstance(agent, (str, Path)):
         agent = load_agent(agent)
     clips = play(agent, objects, episodes, seed, quiet)
+    draw(clips, path, columns=columns, size=size, quiet=quiet)
+    return clips
+
+
+def draw(
+    clips: Sequence[Clip], path: str | Path, *, columns: int = 1, size: int = 320, quiet: bool = False
+) -> None:
+    """Writes a film of clips that were played; arguments and errors as of :func:`film`."""
+    path = Path(path)
+    _check(path)
     pictures = _pictures(clips, columns, size, PICTURES[path.suffix], quiet)
     path.parent.mkdir(parents=True, exist_ok=True)
     _write(path, pictures)
-    return clips
+
+
+def _check(path: Path) -> None:
+    if path.suffix not in PICTURES:
+        raise ViewError(f"{path}: allowed are films ending in {' and '.join(PICTURES)}")
 
 
 def play(agent: Any, objects: str, episodes: int, seed: int, quiet: bool = False) -> list[Clip]:

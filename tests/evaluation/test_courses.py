@@ -9,7 +9,7 @@ import pytest
 from tactile_kit.errors import EpisodeFileError
 from tactile_kit.evaluation.courses import COLUMNS, Moment, read_courses, write_courses
 
-LINE = Moment("default", 8, "cube", 3, 77, 10.0, 0.25, 0.125, 0.5, 0.25, 0.004, 0.2, "time")
+LINE = Moment("default", 8, "cube", 3, 77, 10.0, 0.25, 0.125, 0.5, 0.25, 0.004, 0.2, "time", 0.375)
 
 
 def test_lines_are_kept_and_the_same_lines_give_the_same_bytes(tmp_path):
@@ -63,3 +63,14 @@ def test_other_files_are_refused(tmp_path):
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
     with pytest.raises(EpisodeFileError, match="line 1"):
         read_courses(tmp_path / "other.csv")
+
+
+def test_files_written_before_errors_up_to_symmetry_are_read(tmp_path):
+    path = tmp_path / "courses.csv"
+    write_courses(path, [LINE])
+    header, line = (text.rsplit(",", 1)[0] for text in path.read_text().splitlines())
+    path.write_text(f"{header}\n{line}\n")
+    (before,) = read_courses(path)
+    assert before == dataclasses.replace(LINE, symmetric=None)
+    write_courses(path, [before, LINE])
+    assert read_courses(path) == [before, LINE]

@@ -10,9 +10,11 @@ import pytest
 
 import object_sets
 import randomization
+from reproduce.artefacts import make
 from reproduce.artefacts.learning import CURVES
 from reproduce.files import dump_yaml
 from reproduce.inventory import ABLATED, BENCHMARK, ORACLE, PLANNER, TACTILE
+from reproduce.plan import FIGURES, TABLES
 from reproduce.results import Results
 from tactile_kit.evaluation import EpisodeRow, write_rows
 
@@ -64,6 +66,8 @@ class World:
         self.episodes: dict[str, str | None] = {}
         self.cost: dict[str, str] = {}
         self.courses: dict[str, str] = {}
+        self.costs: dict[str, str] = {}
+        self.films: list[str] = []
 
     draw = staticmethod(episodes)
 
@@ -101,11 +105,24 @@ class World:
         self.episodes[f"{PLANNER}/nominal"] = str(file)
         self.cost = {"cost": str(file.with_suffix(".json"))}
 
+    def page(self, out: Path) -> str:
+        """The report over this world, with everything it shows, made in ``out``."""
+        for name in (*TABLES, *FIGURES, "claims", "report"):
+            if name in TABLES:
+                outputs = [out / "tables" / f"{name}.{suffix}" for suffix in ("csv", "tex")]
+            elif name in FIGURES:
+                outputs = [out / "figures" / f"{name}.{suffix}" for suffix in ("png", "svg", "csv")]
+            else:
+                outputs = [out / "claims.csv"] if name == "claims" else [out / "report" / "index.html"]
+            make(name, self.results, outputs)
+        return (out / "report" / "index.html").read_text()
+
     @property
     def results(self) -> Results:
         content = {
             "artefact": "test", "scale": "test", "description": "Drawn for a test.", "source": "pretrained", "seed": 0,
-            "runs": self.runs, "episodes": self.episodes, "courses": self.courses, **self.cost,
+            "runs": self.runs, "episodes": self.episodes, "courses": self.courses,
+            "costs": self.costs, "films": self.films, **self.cost,
         }  # fmt: skip
         file = self.folder / "inventory.yaml"
         file.write_text(dump_yaml(content))

@@ -15,7 +15,7 @@ from reproduce.artefacts.violin import density_of
 from reproduce.cells import read_cells
 from reproduce.errors import ReproduceError
 from reproduce.inventory import FINGERS, ORACLE, SENSITIVITY, TACTILE, TRANSFER, TRANSFERRED
-from reproduce.plan import FIGURES
+from reproduce.plan import FIGURES, TABLES
 from reproduce.results import Curve, read_curve
 from reproduce.style import figure, missing_bar, say_missing
 from tactile_kit.evaluation import wilson
@@ -27,12 +27,12 @@ THINGS = {thing.id: thing for thing in object_sets.load("all")}
 def outputs(name, folder):
     if name == "claims":
         return [folder / "claims.csv"]
-    if name.startswith("table"):
+    if name in TABLES:
         return [folder / "tables" / f"{name}.{suffix}" for suffix in ("csv", "tex")]
     return [folder / "figures" / f"{name}.{suffix}" for suffix in ("png", "svg", "csv")]
 
 
-@pytest.mark.parametrize("name", [*FIGURES, "table1", "table2", "claims"])
+@pytest.mark.parametrize("name", [*FIGURES, *TABLES, "claims"])
 def test_same_data_same_bytes(full_world, tmp_path, name):
     made = []
     for turn in ("a", "b"):
@@ -48,7 +48,20 @@ def test_same_data_same_bytes(full_world, tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    "name", ["learning", "violin", "success", "transfer", "sensitivity", "complex", "extent", "confusion"]
+    "name",
+    [
+        "learning",
+        "violin",
+        "success",
+        "transfer",
+        "sensitivity",
+        "following",
+        "turning",
+        "failures",
+        "complex",
+        "extent",
+        "confusion",
+    ],
 )
 def test_a_world_without_runs_has_missing_cells_only(world, tmp_path, name):
     files = outputs(name, tmp_path)

@@ -13,6 +13,7 @@ from reproduce.artefacts import make
 from reproduce.files import ROOT
 from reproduce.inventory import ABLATED, TACTILE
 from reproduce.latex import escape
+from reproduce.plan import TABLES
 
 THINGS = {thing.id: thing for thing in object_sets.load("all")}
 TEXT_WIDTH = 516.0  # pt, of IEEE's two columns; the paper's class
@@ -81,11 +82,11 @@ def width(tex: str) -> float:
 
 @pytest.fixture(scope="module")
 def made(paper_world, tmp_path_factory):
-    """Both tables of a full world, and Table II where agents of unlike training leave reasons below it."""
+    """The tables of a full world, and Table II where agents of unlike training leave reasons below it."""
     folder = tmp_path_factory.mktemp("tex")
-    for name in ("table1", "table2"):
+    for name in TABLES:
         make(name, paper_world.results, [folder / f"{name}.csv", folder / f"{name}.tex"])
-    return {name: (folder / f"{name}.tex").read_text() for name in ("table1", "table2")}
+    return {name: (folder / f"{name}.tex").read_text() for name in TABLES}
 
 
 def unlike(world, folder):

@@ -16,7 +16,7 @@ import pytest
 from reproduce import owner
 from reproduce.errors import BusyError
 from reproduce.files import ROOT
-from reproduce.plan import FIGURES
+from reproduce.plan import FIGURES, TABLES
 
 pytestmark = pytest.mark.slow
 
@@ -42,7 +42,7 @@ def stamps(out: Path) -> dict[str, int]:
 
 
 WANTED = {
-    *(f"tables/{name}.{suffix}" for name in ("table1", "table2") for suffix in ("csv", "tex")),
+    *(f"tables/{name}.{suffix}" for name in TABLES for suffix in ("csv", "tex")),
     *(f"figures/{name}.{suffix}" for name in FIGURES for suffix in ("svg", "png", "csv")),
     "claims.csv",
     "report/index.html",

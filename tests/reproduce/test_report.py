@@ -18,18 +18,6 @@ from reproduce.plan import FIGURES, TABLES
 THINGS = {thing.id: thing for thing in object_sets.load("all")}
 
 
-def build(world, out):
-    for name in (*TABLES, *FIGURES, "claims", "report"):
-        if name in TABLES:
-            outputs = [out / "tables" / f"{name}.{suffix}" for suffix in ("csv", "tex")]
-        elif name in FIGURES:
-            outputs = [out / "figures" / f"{name}.{suffix}" for suffix in ("png", "svg", "csv")]
-        else:
-            outputs = [out / "claims.csv"] if name == "claims" else [out / "report" / "index.html"]
-        make(name, world.results, outputs)
-    return (out / "report" / "index.html").read_text()
-
-
 class Page(html.parser.HTMLParser):
     """Tags that were opened and not closed, and addresses outside the page."""
 
@@ -63,7 +51,7 @@ class Page(html.parser.HTMLParser):
 @pytest.fixture(scope="module")
 def folder(paper_world, tmp_path_factory):
     out = tmp_path_factory.mktemp("report")
-    build(paper_world, out)
+    paper_world.page(out)
     return out
 
 
@@ -98,7 +86,7 @@ def test_it_opens_with_what_was_reproduced(page):
 def test_an_agent_below_the_paper_is_named(full_world, tmp_path):
     rows = [row for i in range(13) for row in full_world.draw(TACTILE, THINGS[i], 6, 24)]
     full_world.evaluated(TACTILE, "nominal", rows)
-    lead = re.search(r'id="verdict">(.*?)</p>', build(full_world, tmp_path), re.DOTALL)[1]
+    lead = re.search(r'id="verdict">(.*?)</p>', full_world.page(tmp_path), re.DOTALL)[1]
     assert "Estimator VecBPS 0.25, 0.25, 0.25 (paper 0.90, 0.66, 0.90)" in lead.split("Not reproduced:")[1]
 
 
@@ -107,7 +95,7 @@ def test_steps_and_hours_are_those_of_the_whole_chain(world, tmp_path):
     file = world.folder / "agents" / name / "agent.json"
     start = {"from": "before", "steps": 9_000_000, "hours": 2.5}
     file.write_text(json.dumps(json.loads(file.read_text()) | {"warm_start": start}))
-    text = re.sub(r"<[^>]+>", "", build(world, tmp_path))
+    text = re.sub(r"<[^>]+>", "", world.page(tmp_path))
     assert "10 M (1 M)" in text and "2.75 (0.25)" in text
 
 
@@ -124,7 +112,7 @@ def test_it_shows_every_claim_with_its_verdict(page):
 
 
 def test_same_data_same_page(page, paper_world, tmp_path):
-    assert build(paper_world, tmp_path) == page
+    assert paper_world.page(tmp_path) == page
 
 
 def test_it_shows_an_agent_at_work(world, tmp_path, monkeypatch):
@@ -141,7 +129,7 @@ def test_it_shows_an_agent_at_work(world, tmp_path, monkeypatch):
     (line,) = table.read_text().splitlines()[1:]
     name, held, verdict = line.split(",")
     assert (name, held) == (f"{FINGERS}-s0", "cube") and verdict
-    page = build(world, tmp_path)
+    page = world.page(tmp_path)
     film = re.search(r'<video[^>]* src="data:video/mp4;base64,([^"]+)"', page)[1]
     assert base64.b64decode(film) == (tmp_path / "report" / "film.mp4").read_bytes()
     assert f"cube: {verdict}." in page
@@ -149,7 +137,7 @@ def test_it_shows_an_agent_at_work(world, tmp_path, monkeypatch):
 
 def test_a_world_without_agents_says_so(world, tmp_path):
     world.absent("oracle-vec_bps-geometric8")
-    text = build(world, tmp_path)
+    text = world.page(tmp_path)
     assert (
         "No agent has been evaluated" in text
         and "Missing (1 of 1 runs)" in text
