@@ -41,7 +41,7 @@ def run(
     scale: Scale = "small",
     source: Source = "pretrained",
     jobs: Annotated[int, arg(metavar="N")] = 2,
-    profile: Annotated[str | None, arg(metavar="DIR")] = None,
+    profile: Annotated[str | None, arg(metavar="slurm|DIR")] = None,
     out: DirectoryOrNone = None,
     agents: DirectoryOrNone = None,
 ) -> int:
@@ -53,7 +53,7 @@ def run(
         scale: How much: smoke (minutes), small (the shipped agents), paper (the paper's sizes), or a YAML file.
         source: pretrained takes the agents as they are and trains nothing; scratch trains them first.
         jobs: Jobs at a time.
-        profile: Snakemake profile, for Slurm, Kubernetes or other clusters.
+        profile: Runs the jobs on a cluster: a profile that comes along, by name, or the folder of a Snakemake profile.
         out: Where results go. Default: results/ for small, results/<scale>/ for others, results/scratch/ for small from
             scratch.
         agents: Folder of agent directories. Default: results/agents, or <out>/agents from scratch.

@@ -1,0 +1,160 @@
+"""The workflow on a real Slurm of this machine: everything that ends jobs happens once, and the bytes are a local run's."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from loopback import NODES, Loopback, until
+from safetensors.numpy import load_file
+
+from reproduce.clusters.jobs import Jobs
+from reproduce.files import ROOT
+from reproduce.profiles import FOLDER
+
+pytestmark = [pytest.mark.cluster, pytest.mark.slow, pytest.mark.timeout(1500)]
+
+SCALE = Path(__file__).parent / "tiny.yaml"
+ORACLE, TACTILE = "oracle-vec_bps-cube-s0", "tactile-vec_bps-cube-s0"
+TRAINING = f"train/{ORACLE}"
+ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
+PATIENCE = 400.0  # s, of a machine that has other work
+
+
+class Running:
+    """A `reproduce run` with its output in a file."""
+
+    def __init__(self, cluster: Loopback, out: Path, profile: Path) -> None:
+        self.out, self.text = out, out.parent / "said.txt"
+        environment = ENVIRONMENT | {name: os.environ[name] for name in ("SLURM_CONF", "PATH", "TACTILE_KIT_CACHE")}
+        command = [
+            sys.executable, "-m", "reproduce", "run", "--scale", str(SCALE), "--from", "scratch", "--out", str(out),
+            "--jobs", "8", "--profile", str(profile),
+        ]  # fmt: skip
+        with self.text.open("w") as output:
+            self.process = subprocess.Popen(
+                command, cwd=ROOT, env=environment, stdout=output, stderr=subprocess.STDOUT
+            )
+        self.cluster = cluster
+
+    @property
+    def said(self) -> str:
+        return self.text.read_text()
+
+    @property
+    def job(self) -> str:
+        """Id of the oracle's training."""
+        job = Jobs(self.out / ".pipeline").read(TRAINING)
+        return (job and job.id) or ""
+
+    def state(self, job: str) -> str:
+        return next((state for id, _, state in self.cluster.jobs() if id == job), "")
+
+    def lines(self) -> int:
+        """Lines of the oracle's metrics."""
+        file = self.out / "agents" / ORACLE / "metrics.jsonl"
+        return len(file.read_text().splitlines()) if file.is_file() else 0
+
+    def trains_on(self, after: int) -> None:
+        """Waits until the oracle's training has written more than ``after`` lines of metrics."""
+        self.until(lambda: self.lines() > after, "training")
+
+    def until(self, condition, what: str, seconds: float = PATIENCE) -> None:
+        def met() -> bool:
+            assert self.process.poll() is None or condition(), f"ended before: {what}\n{self.said}"
+            return condition()
+
+        until(met, seconds, what)
+
+    def ends(self) -> int:
+        return self.process.wait(PATIENCE)
+
+
+@pytest.fixture
+def profile(tmp_path: Path) -> Path:
+    """The profile that comes along, asking more often."""
+    text = (FOLDER / "slurm" / "config.yaml").read_text()
+    often = re.sub(r"(?m)^seconds-between-status-checks: \d+", "seconds-between-status-checks: 1", text)
+    assert often != text
+    (tmp_path / "profile").mkdir()
+    (tmp_path / "profile" / "config.yaml").write_text(often)
+    return tmp_path / "profile"
+
+
+def test_through_all_that_ends_jobs(slurm: Loopback, tmp_path: Path, profile: Path) -> None:
+    out = tmp_path / "out"
+
+    # An interrupt ends the jobs, with a checkpoint, and the queue is empty.
+    first = Running(slurm, out, profile)
+    first.trains_on(1)
+    (name,) = (name for id, name, _ in slurm.jobs() if id == first.job)
+    assert name == TRAINING
+    first.process.send_signal(signal.SIGINT)
+    assert first.ends() == 128 + signal.SIGINT, first.said
+    assert "ended 1 running jobs of the cluster" in first.said and "run the same command again" in first.said
+    until(lambda: not [job for job in slurm.jobs() if job[2] in ("PENDING", "RUNNING", "COMPLETING")], 30, "an empty queue")
+    assert list((out / "agents" / ORACLE / "checkpoints").glob("*"))
+
+    # Killed without a word, it leaves its jobs; the same command attaches to them.
+    second = Running(slurm, out, profile)
+    second.until(lambda: second.job != first.job and second.state(second.job) == "RUNNING", "the training's job")
+    second.trains_on(first.lines())
+    second.process.kill()
+    second.process.wait()
+    third = Running(slurm, out, profile)
+    job, lines = second.job, third.lines()
+    third.until(lambda: f"goes on as job {job}" in (out / ".pipeline" / "snakemake.log").read_text(), "attaching")
+    assert third.job == job and third.state(job) == "RUNNING"
+    third.trains_on(lines)
+
+    # A job that is cancelled by hand is tried again.
+    slurm.ask("scancel", job)
+    third.until(lambda: third.job != job, "another try")
+    job, lines = third.job, third.lines()
+    assert f"{TRAINING}: try 1 of 4 failed, next one follows" in third.said
+    assert f"{TRAINING}: failed" not in third.said
+    third.trains_on(lines)
+
+    # A node is lost, while what it runs lives on: Slurm starts the job on the other one, and the older start ends.
+    node = slurm.ask("squeue", "--noheader", f"--jobs={job}", "--format=%N").stdout.strip()
+    slurm.kill(node)
+    other = next(name for name in NODES if name != node)
+    third.until(
+        lambda: slurm.ask("squeue", "--noheader", f"--jobs={job}", "--format=%N %T").stdout.split() == [other, "RUNNING"],
+        "the job on the other node",
+    )  # fmt: skip
+    turn = Jobs(out / ".pipeline").home(TRAINING) / "turn"
+    third.until(lambda: turn.read_text() == f"{job}.1", "the job's second start")
+
+    # The controller is away for a while.
+    slurm.kill("slurmctld")
+    third.until(lambda: "slurm does not answer" in third.said, "noticing")
+    slurm.start_controller()
+    third.until(lambda: "slurm answers again" in third.said, "the controller's return")
+    assert third.ends() == 0, third.said
+    slurm.start_node(node)
+    log = (out / ".pipeline" / "logs" / f"{TRAINING}.log").read_text()
+    assert "started again elsewhere; this start ends" in log
+    assert len(re.findall(r"(?m)^--- job ", log)) == 4  # nothing of it was overwritten
+
+    # The same bytes as by hand, here, without interruption.
+    here = tmp_path / "here"
+    for stage in ("objects", "grasps", "train", "evaluate"):
+        subprocess.run(
+            [sys.executable, "-m", "reproduce", "stage", stage, "--scale", str(SCALE), "--from", "scratch", "--out", str(here)],
+            cwd=ROOT, env=ENVIRONMENT | {"TACTILE_KIT_CACHE": os.environ["TACTILE_KIT_CACHE"]}, check=True,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=PATIENCE,
+        )  # fmt: skip
+    for run in (ORACLE, TACTILE):
+        assert (out / "episodes" / run / "nominal.csv").read_bytes() == (here / "episodes" / run / "nominal.csv").read_bytes()
+        ours, theirs = (load_file(next((where / "agents" / run).glob("*.safetensors"))) for where in (out, here))
+        assert ours.keys() == theirs.keys()
+        for name in ours:
+            assert ours[name].tobytes() == theirs[name].tobytes(), f"{run}: {name}"
+    assert json.loads((out / ".pipeline" / "evaluated" / ORACLE / "nominal.json").read_text())["episodes"] == 2
