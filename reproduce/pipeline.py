@@ -162,7 +162,7 @@ def _signals_raised() -> Iterator[None]:
 
 
 def _end(process: subprocess.Popen, watch: Watch | None, progress: Progress) -> None:
-    """Ends all jobs, here and on a cluster; finished ones are kept and not made again. A second signal cuts it short."""
+    """Ends all jobs, here and on a cluster; finished ones are kept. A second signal cuts it short."""
     try:
         if watch is not None:
             progress.say("ends the jobs; once more, and they go on without this")

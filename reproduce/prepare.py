@@ -85,7 +85,8 @@ def prepare(plan: Plan) -> Path:
         "source": str(CODE / "reproduce"),
         "num_workers": plan.scale.num_workers,
         "grasps": {
-            item: resources.grasps(_sizes(task), plan.scale.num_workers).as_dict for item, task in sorted(grasps.items())
+            item: resources.grasps(_sizes(task), plan.scale.num_workers).as_dict
+            for item, task in sorted(grasps.items())
         },
         "train": train,
         "evaluate": evaluate,

@@ -68,7 +68,9 @@ class Progress:
                 continue
             part = min(1.0, beat["done"] / beat["total"])
             share += cost * part / total
-            if beat["state"] == "running" or (beat["state"] == "failed" and self._again(job, beat["message"])):
+            if beat["state"] == "running" or (
+                beat["state"] == "failed" and self._again(job, beat["message"])
+            ):
                 running.append(f"{job} {100 * part:.0f} %")
             elif job not in self._ended:
                 self._ended.add(job)
@@ -86,7 +88,7 @@ class Progress:
             )
 
     def _again(self, job: str, why: str) -> bool:
-        """Whether a job that failed is tried again; says so once a try. What lives was started again by its scheduler."""
+        """Whether what failed is tried again; says so once a try. What lives was started again by its scheduler."""
         if self.watch is None:
             return False
         tried = self.watch.tries(job)

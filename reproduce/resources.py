@@ -1,7 +1,7 @@
 """What a job asks a cluster for: cores, memory and time, from its settings and from what was measured.
 
-The costs are those of one core of an AMD EPYC, from ``results/benchmarks`` (a test compares them); learners are scaled by
-their weights, samples and passes.
+The costs are those of one core of an AMD EPYC, from ``results/benchmarks`` (a test compares them); learners are scaled
+by their weights, samples and passes.
 """
 
 from __future__ import annotations
@@ -89,7 +89,9 @@ def evaluation(episodes: int, environments: int, workers: int) -> Need:
 
 def grasps(sizes: int, workers: int) -> Need:
     """Of the search for grasps of so many objects and sizes."""
-    return Need(workers, math.ceil(PARENT + workers * (WORKER + ENVIRONMENT)), _limit(GRASPS * sizes / workers / 60))
+    return Need(
+        workers, math.ceil(PARENT + workers * (WORKER + ENVIRONMENT)), _limit(GRASPS * sizes / workers / 60)
+    )
 
 
 def _worlds(environments: int, workers: int) -> float:

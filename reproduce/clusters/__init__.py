@@ -1,7 +1,7 @@
 """Jobs of the workflow on other machines: Snakemake decides what runs, this hands it to a scheduler and follows it.
 
 Snakemake's executor is ``cluster-generic``, which calls ``python -m reproduce.clusters SCHEDULER SCRIPT`` for each job.
-What is known of a job is in files below ``<pipeline>/cluster``, so that the next run finds the jobs of one that is gone.
+What is known of a job is in files below ``<pipeline>/cluster``: the next run finds the jobs of one that is gone.
 """
 
 from __future__ import annotations

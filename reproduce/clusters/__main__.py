@@ -1,7 +1,7 @@
 """Cluster-generic's submit command: ``python -m reproduce.clusters SCHEDULER SCRIPT``, in the pipeline's folder.
 
-Prints the job's id. A job of an earlier run that still lives, or has ended well meanwhile, is taken over instead, unless
-its inputs have changed since.
+Prints the job's id. A job of an earlier run that still lives, or has ended well meanwhile, is taken over instead,
+unless its inputs have changed since.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from reproduce.errors import ReproduceError
 
 PATIENCE = 1800.0  # s for a controller that is being restarted
 PAUSE = 5.0
+RESUMABLE = "train"  # the stage that goes on from its checkpoint
 
 
 def main(name: str, script: Path, pipeline: Path) -> str:
@@ -39,9 +40,7 @@ def main(name: str, script: Path, pipeline: Path) -> str:
         return taken
     request = _request(jobs, where, job, [stage, *([item] if item else [])], properties)
     tries = before.tries + 1 if before is not None and before.run == run else 1
-    record = jobs.write(
-        Job(job, name, request.token, inputs, properties["output"], run, tries, time.time())
-    )
+    record = jobs.write(Job(job, name, request.token, inputs, properties["output"], run, tries, time.time()))
     try:
         id = _patiently(lambda: where.submit(request), where, request.token)
     except ReproduceError as error:
@@ -86,14 +85,26 @@ def _request(jobs: Jobs, where: Scheduler, job: str, stage: list[str], propertie
     log = pipeline / properties["log"][0]
     log.parent.mkdir(parents=True, exist_ok=True)
     home.mkdir(parents=True, exist_ok=True)
-    command = shlex.join([sys.executable, "-m", "reproduce.clusters.job", str(home)])
-    rest = shlex.join([*stage, "--pipeline", str(pipeline)])
-    # exec: signals that are for the script reach the stage, and reach it once
-    script = f'#!/bin/sh\ncd {shlex.quote(str(pipeline))}\nexec {command} "{where.turn}" {rest} >> {shlex.quote(str(log))} 2>&1\n'
     resources = properties["resources"]
+    minutes = int(resources["runtime"])
+    leg = 0
+    if (
+        stage[0] == RESUMABLE
+        and where.again
+        and minutes > (longest := int(resources.get("longest", minutes)))
+    ):
+        leg = minutes = longest
+    command = shlex.join([sys.executable, "-m", "reproduce.clusters.job", str(home)])
+    rest = shlex.join([str(leg), *stage, "--pipeline", str(pipeline)])
+    # exec: signals that are for the script reach the stage, and reach it once
+    script = f"""#!/bin/sh
+cd {shlex.quote(str(pipeline))}
+export AGAIN="{where.again}"
+exec {command} "{where.turn}" {rest} >> {shlex.quote(str(log))} 2>&1
+"""
     return Request(
         job, uuid.uuid4().hex, script, str(home / "output"), int(properties["threads"]),
-        int(resources["mem_mb"]), int(resources["runtime"]), resources,
+        int(resources["mem_mb"]), minutes, resources,
     )  # fmt: skip
 
 

@@ -1,8 +1,9 @@
-"""What runs on the node: ``python -m reproduce.clusters.job HOME TURN STAGE [ITEM] --pipeline DIR``.
+"""What runs on the node: ``python -m reproduce.clusters.job HOME TURN LEG STAGE [ITEM] --pipeline DIR``.
 
-It runs the stage, and leaves behind how that ended, since a scheduler forgets. When a node is lost, its jobs are started
-elsewhere while they may live on there: the newest start of a job writes its turn into a file, and an older one that sees
-it ends as by SIGTERM.
+It runs the stage, and leaves behind how that ended, since a scheduler forgets. When a node is lost, its jobs are
+started elsewhere while they may live on there: the newest start of a job writes its turn into a file, and an older one
+that sees it ends as by SIGTERM. A training longer than its time limit ends with a checkpoint shortly before, and asks
+for LEG more minutes (0: it doesn't) by the command that is AGAIN in the environment.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import json
 import os
 import platform
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -20,6 +22,8 @@ from reproduce.files import write_atomic
 
 LOOK_EVERY = 1.0  # s
 TO_END = 120.0  # s an older start has for its checkpoint
+MARGIN = 240.0  # s before the limit in which a signal means that it is near
+STOPPED = 128 + signal.SIGINT  # as a training says that it has a checkpoint and is to go on
 
 
 class Turn:
@@ -46,8 +50,8 @@ class Turn:
         os._exit(128 + signal.SIGTERM)
 
 
-def main(home: Path, turn: str, arguments: list[str]) -> int:
-    ours = Turn(home, turn)
+def main(home: Path, turn: str, leg: int, arguments: list[str]) -> int:
+    ours, began = Turn(home, turn), time.monotonic()
     print(f"--- job {turn} on {platform.node()}, {time.strftime('%Y-%m-%d %H:%M:%S %z')}", flush=True)
     threading.Thread(target=ours.watch, daemon=True, name="turn").start()
     status = 1
@@ -56,10 +60,15 @@ def main(home: Path, turn: str, arguments: list[str]) -> int:
 
         status = reproduce(["stage", *arguments])
     finally:
+        used = time.monotonic() - began
+        if leg and status == STOPPED and used > 60 * leg - MARGIN and ours.ours:
+            print(f"{turn}: its {leg} minutes are over; goes on in the next leg", flush=True)
+            subprocess.run(os.environ["AGAIN"], shell=True, check=False)
+            time.sleep(MARGIN)  # until it is ended
         if ours.ours:
             write_atomic(home / "exit.json", json.dumps({"turn": turn, "status": status}))
     return status
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1]), sys.argv[2], sys.argv[3:]))
+    sys.exit(main(Path(sys.argv[1]), sys.argv[2], int(sys.argv[3]), sys.argv[4:]))

@@ -96,4 +96,8 @@ def judge(jobs: Jobs, job: Job, standing: Standing | None) -> tuple[bool, bool, 
         return False, False, f"job {job.id} is gone and left no exit status"
     if standing.alive:
         return True, False, ""
-    return False, False, f"job {job.id}: {standing.word}" + (f" on {standing.where}" if standing.where else "")
+    return (
+        False,
+        False,
+        f"job {job.id}: {standing.word}" + (f" on {standing.where}" if standing.where else ""),
+    )

@@ -23,7 +23,7 @@ class Request:
 
     name: str  # stage/item
     token: str  # unlike any other request's
-    script: str  # for sh; ``TURN`` in its environment is this start of the job, unlike an earlier start's
+    script: str  # for sh
     output: str  # file for what the script itself says
     threads: int
     mem_mb: int
@@ -46,6 +46,7 @@ class Scheduler(Protocol):
 
     name: str
     turn: str  # shell text for this start of a job: its id and how often it was started before
+    again: str  # shell text, for a job itself: to be started again, as the same job; empty: it can't
 
     def submit(self, request: Request) -> str:
         """Hands in a job; returns its id. Raises ``Unreachable`` or ``SchedulerError``."""

@@ -11,7 +11,15 @@ from collections.abc import Collection
 
 from reproduce.clusters.scheduler import Request, SchedulerError, Standing, Unreachable
 
-WAITING = {"PENDING", "CONFIGURING", "REQUEUED", "REQUEUE_HOLD", "REQUEUE_FED", "SPECIAL_EXIT", "RESV_DEL_HOLD"}
+WAITING = {
+    "PENDING",
+    "CONFIGURING",
+    "REQUEUED",
+    "REQUEUE_HOLD",
+    "REQUEUE_FED",
+    "SPECIAL_EXIT",
+    "RESV_DEL_HOLD",
+}
 AT_WORK = {"RUNNING", "COMPLETING", "SUSPENDED", "STOPPED", "RESIZING", "SIGNALING", "STAGE_OUT"}
 # PREEMPTED is final where the cluster cancels, and soon PENDING where it requeues
 _AWAY = re.compile(
@@ -21,7 +29,7 @@ _AWAY = re.compile(
     re.IGNORECASE,
 )
 PATIENCE = 60.0  # s for one command
-BEFORE_THE_END = 180  # s between SIGTERM and the time limit, for a checkpoint
+BEFORE_THE_END = 180  # s between SIGTERM and the time limit, for a checkpoint; a fifth of short limits
 
 
 def make() -> Slurm:
@@ -33,6 +41,7 @@ class Slurm:
 
     name = "slurm"
     turn = "$SLURM_JOB_ID.${SLURM_RESTART_COUNT:-0}"
+    again = "scontrol requeue $SLURM_JOB_ID"
 
     def submit(self, request: Request) -> str:
         # Rule first, since squeue cuts names; the token, so that a job is found whose id was never noted.
@@ -40,9 +49,13 @@ class Slurm:
             "sbatch", "--parsable", f"--job-name={request.name}", f"--comment={request.token}",
             f"--output={request.output}", "--open-mode=append", "--nodes=1", "--ntasks=1",
             f"--cpus-per-task={request.threads}", f"--mem={request.mem_mb}", f"--time={request.minutes}",
-            f"--signal=B:TERM@{BEFORE_THE_END}", "--requeue",
+            f"--signal=B:TERM@{min(BEFORE_THE_END, 12 * request.minutes)}", "--requeue",
         ]  # fmt: skip
-        for option, key in (("account", "slurm_account"), ("partition", "slurm_partition"), ("qos", "slurm_qos")):
+        for option, key in (
+            ("account", "slurm_account"),
+            ("partition", "slurm_partition"),
+            ("qos", "slurm_qos"),
+        ):
             if value := request.resources.get(key):
                 command.append(f"--{option}={value}")
         command += shlex.split(str(request.resources.get("slurm_extra", "")))
@@ -80,7 +93,9 @@ class Slurm:
         except subprocess.TimeoutExpired:
             raise Unreachable(f"{command[0]}: no answer in {PATIENCE:.0f} s") from None
         except FileNotFoundError:
-            raise SchedulerError(f"{command[0]}: no such command here; is this the cluster's login node?") from None
+            raise SchedulerError(
+                f"{command[0]}: no such command here; is this the cluster's login node?"
+            ) from None
         if done.returncode:
             said = " ".join(done.stderr.split())
             raise (Unreachable if _AWAY.search(said) else SchedulerError)(said or f"{command[0]} failed")

@@ -47,10 +47,14 @@ class Watch:
                 if name not in self._away:
                     self.say(f"{name} does not answer; jobs go on, and so does this when it does: {error}")
                 self._away.add(name)
-                continue
-            if name in self._away:
-                self.say(f"{name} answers again")
-                self._away.discard(name)
+                standings = {}
+                mine = [
+                    job for job in mine if self.jobs.ended(job) is not None
+                ]  # by what they left themselves
+            else:
+                if name in self._away:
+                    self.say(f"{name} answers again")
+                    self._away.discard(name)
             for job in mine:
                 self._note(job, standings.get(job.id or ""))
 
@@ -108,7 +112,9 @@ class Watch:
         if left:
             some = ", ".join(f"{job.id} ({job.name})" for job in left[:20])
             what = "that could not be ended go on" if self._away else "are being ended"
-            self.say(f"jobs {what}: {some}{' ...' if len(left) > 20 else ''}; the same command attaches to them")
+            self.say(
+                f"jobs {what}: {some}{' ...' if len(left) > 20 else ''}; the same command attaches to them"
+            )
         elif asked:
             self.say(f"ended {len(asked)} running jobs of the cluster, and what waited")
 

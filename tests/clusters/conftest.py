@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parent))
 from loopback import Loopback, missing
 
 
@@ -14,11 +17,13 @@ from loopback import Loopback, missing
 def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Loopback]:
     """The daemons, running, and their commands in this process's environment."""
     if absent := missing():
-        pytest.skip(f"{', '.join(absent)} not installed; Debian: apt-get install --no-install-recommends slurm-wlm munge")
-    pytest.importorskip("snakemake_executor_plugin_cluster_generic", reason="the extra slurm is not installed")
-    # sockets have short names: not below pytest's deep folders
-    folder = Path(tmp_path_factory.mktemp("slurm"))
-    cluster = Loopback(folder)
+        pytest.skip(
+            f"{', '.join(absent)} not installed; Debian: apt-get install --no-install-recommends slurm-wlm munge"
+        )
+    pytest.importorskip(
+        "snakemake_executor_plugin_cluster_generic", reason="the extra slurm is not installed"
+    )
+    cluster = Loopback(tmp_path_factory.mktemp("slurm"))
     with pytest.MonkeyPatch.context() as patch:
         for name in [name for name in os.environ if name.startswith(("SLURM_", "SBATCH_"))]:
             patch.delenv(name)

@@ -96,7 +96,7 @@ class Loopback:
         controller, *ports = free_ports(1 + len(NODES))
         host = socket.gethostname().split(".")[0]
         nodes = "\n".join(
-            f"NodeName={name} NodeHostname={host} NodeAddr=127.0.0.1 Port={port} CPUs=64 RealMemory=300000 State=UNKNOWN"
+            f"NodeName={name} NodeHostname={host} NodeAddr=127.0.0.1 Port={port} CPUs=64 RealMemory=300000"
             for name, port in zip(NODES, ports, strict=True)
         )
         self.configuration = folder / "slurm.conf"
@@ -162,6 +162,15 @@ class Loopback:
         """(id, name, state) of all jobs the controller still knows."""
         said = self.ask("squeue", "--noheader", "--states=all", "--format=%i|%j|%T").stdout
         return [tuple(line.split("|")) for line in said.splitlines()]
+
+    def living(self) -> list[str]:
+        """Ids of jobs that wait, run or are being ended."""
+        return [job for job, _, state in self.jobs() if state in ("PENDING", "RUNNING", "COMPLETING")]
+
+    def node(self, job: str) -> str:
+        """Where a job runs."""
+        said = self.ask("squeue", "--noheader", f"--jobs={job}", "--states=RUNNING", "--format=%N").stdout
+        return said.strip()
 
     def _run(self, program: str, *arguments: str, named: str | None = None) -> None:
         name = named or program
