@@ -100,7 +100,12 @@ def stage(
     return 0
 
 
-def train(config: Positional[Path], out: Annotated[Path, arg(metavar="DIR")]) -> int:
+def train(
+    config: Positional[Path],
+    out: Annotated[Path, arg(metavar="DIR")],
+    workers: Literal["processes", "ray"] | None = None,
+    num_workers: Annotated[int | None, arg(metavar="N")] = None,
+) -> int:
     """Train one agent as a run configuration (YAML) says, or go on with a run that was stopped.
 
     Ctrl-C or SIGTERM ends it after the roll-out in progress, with a checkpoint; a second one ends it at once.
@@ -108,10 +113,16 @@ def train(config: Positional[Path], out: Annotated[Path, arg(metavar="DIR")]) ->
     Args:
         config: The run's settings; the config.yaml of any run directory will do.
         out: The run directory. With the same configuration a stopped run is continued.
+        workers: What simulates, instead of what the configuration says: processes, or ray: actors on all machines of
+            a Ray cluster, which the extra ray installs. The results are the same.
+        num_workers: How many of them, instead of what the configuration says.
     """
     from tactile_kit.runs.config import RunConfig
 
-    settings = RunConfig.from_yaml(config)
+    changes = {"workers": workers, "num_workers": num_workers}
+    settings = RunConfig.from_yaml(
+        config, {name: value for name, value in changes.items() if value is not None}
+    )
     say(f"{out.name}: {settings.steps:,} steps as {config} says; loads what it needs")
     from reproduce.stages.train import train_config
     from reproduce.summary import summary

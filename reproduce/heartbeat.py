@@ -61,5 +61,15 @@ def read(pipeline: Path, job: str) -> dict | None:
 
 def fail(pipeline: Path, job: str, message: str) -> None:
     """Notes for a job that can't do so itself that it has failed, as far as it was."""
-    beat = (read(pipeline, job) or {"done": 0, "total": 1}) | {"state": "failed", "message": message}
+    _note(pipeline, job, state="failed", message=message)
+
+
+def again(pipeline: Path, job: str) -> None:
+    """Notes that a job is to go on from where it was; whatever its last try said is past."""
+    if file_of(pipeline, job).is_file():
+        _note(pipeline, job, state="running", message="")
+
+
+def _note(pipeline: Path, job: str, **changes: str) -> None:
+    beat = (read(pipeline, job) or {"done": 0, "total": 1}) | changes
     write_atomic(file_of(pipeline, job), json.dumps(beat))

@@ -163,15 +163,16 @@ def _signals_raised() -> Iterator[None]:
 
 def _end(process: subprocess.Popen, watch: Watch | None, progress: Progress) -> None:
     """Ends all jobs, here and on a cluster; finished ones are kept. A second signal cuts it short."""
+    progress.stopping = True
     try:
         if watch is not None:
             progress.say("ends the jobs; once more, and they go on without this")
-        # an interrupt: other executors end their jobs then
-        for sign in (signal.SIGTERM,) if watch is None else (signal.SIGINT, signal.SIGTERM):
+        foreign = watch is not None and not watch.jobs_known  # another executor ends its jobs on an interrupt
+        for sign in (signal.SIGINT, signal.SIGTERM) if foreign else (signal.SIGTERM,):
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, sign)
             with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(5 if sign == signal.SIGTERM else 30)
+                process.wait(30 if sign == signal.SIGINT else 5 if watch is None else 1)
                 break
         if watch is not None:
             _kill(process)  # or it would hand in again what ends now

@@ -28,6 +28,7 @@ class Progress:
         self.watch, self.tries = watch, tries
         if watch is not None:
             watch.say = self.say
+        self.stopping = False  # everything is being ended, as somebody wished
         self._failures: dict[str, int] = {}  # tries of a job that are known to have failed
         self._started = self._last = time.monotonic()
         self._ended: set[str] = set()
@@ -59,6 +60,8 @@ class Progress:
 
     def update(self, final: bool = False) -> None:
         """Reads the heartbeats and shows how things stand."""
+        if self.stopping:
+            return  # what ends now has not failed
         share = 0.0
         running = []
         total = sum(self.jobs.values()) or 1.0

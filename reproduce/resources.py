@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 MARGIN = 2.0  # other processors, neighbours on the node, a slow file system
 LEAST = 20  # minutes: loading, compiling, a slow start
@@ -22,7 +22,10 @@ SAMPLE = 0.02  # of a roll-out: observations of policy, critic and estimator, an
 # µs of one core, for one environment step
 BULLET, COMPILED = 842.0, 18.7  # simulated, in the workers
 PARENTS = 25.0  # in the parent: observation, reward, encoding, policy
-LEARNER = 60.0  # for a million weights and one pass over the samples, forward and back
+# for a million weights
+LEARNER = 60.0  # one pass of the policy's or the critic's over the samples, forward and back
+ESTIMATOR = 60.0  # the same of the estimator's
+ESTIMATES = 20.0  # forward only, as it acts
 EPISODE = 0.15  # s of one core: a whole evaluated episode of up to 100 steps
 GRASPS = 3.0  # s of one core: the grasps of one object at one size
 
@@ -57,23 +60,40 @@ def training(config: Mapping[str, Any]) -> Need:
     return Need(max(workers, threads), math.ceil(memory), _limit(minutes))
 
 
-def step_microseconds(config: Mapping[str, Any]) -> float:
-    """Wall time of one environment step: workers, parent and learner take turns."""
+class Parts(NamedTuple):
+    """µs of wall time for one environment step; the three take turns."""
+
+    simulated: float  # on all workers
+    parent: float  # on one core
+    learner: float  # on its threads
+
+
+def step_parts(config: Mapping[str, Any]) -> Parts:
+    """What one environment step of a training costs, by its resolved ``RunConfig``."""
+    tactile = config["kind"] == "tactile"
     ppo, threads = config["ppo"], int(config["threads"])
-    passes = ppo["epochs"] * sum(_weights(INPUTS, ppo[name]["hidden"]) for name in ("actor", "critic"))
-    if config["kind"] == "tactile":
-        estimator = config["estimator"]
+    learner = LEARNER * ppo["epochs"] * sum(_weights(ppo[name]["hidden"]) for name in ("actor", "critic"))
+    parent = PARENTS
+    if tactile:
         names = ("encoder_hidden", "transition_hidden", "sigma_hidden")
-        passes += config["ecrl"]["reuse"] * sum(_weights(INPUTS, estimator[name]) for name in names)
+        weights = sum(_weights(config["estimator"][name]) for name in names)
+        learner += ESTIMATOR * config["ecrl"]["reuse"] * weights
+        parent += ESTIMATES * weights
     simulated = COMPILED if _compiled(config) else BULLET
-    return simulated / int(config["num_workers"]) + PARENTS + LEARNER * passes / 1e6 / threads
+    return Parts(simulated / int(config["num_workers"]), parent, learner / threads)
+
+
+def step_microseconds(config: Mapping[str, Any]) -> float:
+    """Wall time of one environment step."""
+    return sum(step_parts(config))
 
 
 INPUTS = 353  # the largest observation; smaller ones change little
 
 
-def _weights(inputs: int, hidden: list[int]) -> int:
-    return sum(before * after for before, after in zip([inputs, *hidden], hidden, strict=False))
+def _weights(hidden: list[int]) -> float:
+    """Of a network, in millions."""
+    return sum(before * after for before, after in zip([INPUTS, *hidden], hidden, strict=False)) / 1e6
 
 
 def _compiled(config: Mapping[str, Any]) -> bool:

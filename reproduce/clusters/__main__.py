@@ -40,6 +40,7 @@ def main(name: str, script: Path, pipeline: Path) -> str:
         return taken
     request = _request(jobs, where, job, [stage, *([item] if item else [])], properties)
     tries = before.tries + 1 if before is not None and before.run == run else 1
+    heartbeat.again(pipeline, job)
     record = jobs.write(Job(job, name, request.token, inputs, properties["output"], run, tries, time.time()))
     try:
         id = _patiently(lambda: where.submit(request), where, request.token)

@@ -77,6 +77,11 @@ class Watch:
         self._told.add(job.id)
         self.jobs.say(job.id, SUCCESS if well else FAILED)
 
+    @property
+    def jobs_known(self) -> bool:
+        """Whether jobs of this run were handed in here, not by another executor of Snakemake."""
+        return any(job.run == self.run for job in self.jobs.all())
+
     def alive(self, name: str) -> bool:
         """Whether a job is with the scheduler, as far as is known."""
         return name in self._standings

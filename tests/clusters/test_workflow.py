@@ -123,22 +123,18 @@ def test_through_all_that_ends_jobs(
     # An interrupt ends the jobs, with a checkpoint, and the queue is empty.
     first = Running(slurm, out, profile, no_run_left)
     first.trains_on(1)
-    (name,) = (name for id, name, _ in slurm.jobs() if id == first.job)
-    assert name == TRAINING
+    job = first.job
+    assert TRAINING in [name for id, name, _ in slurm.jobs() if id == job]  # what squeue says
     first.process.send_signal(signal.SIGINT)
     assert first.ends() == 128 + signal.SIGINT, first.said
     assert "ended 1 running jobs of the cluster" in first.said and "run the same command again" in first.said
-    until(
-        lambda: not [job for job in slurm.jobs() if job[2] in ("PENDING", "RUNNING", "COMPLETING")],
-        30,
-        "an empty queue",
-    )
+    until(lambda: not slurm.living(), 30, "an empty queue")
     assert list((out / "agents" / ORACLE / "checkpoints").glob("*"))
 
     # Killed without a word, it leaves its jobs; the same command attaches to them.
     second = Running(slurm, out, profile, no_run_left)
     second.until(
-        lambda: second.job != first.job and second.state(second.job) == "RUNNING", "the training's job"
+        lambda: second.job not in ("", job) and second.state(second.job) == "RUNNING", "the training's job"
     )
     second.trains_on(second.lines())
     second.process.kill()
@@ -155,10 +151,10 @@ def test_through_all_that_ends_jobs(
 
     # A job that is cancelled by hand is tried again.
     slurm.ask("scancel", job)
-    third.until(lambda: third.job != job, "another try")
+    third.until(lambda: third.job not in ("", job), "another try")
     job, lines = third.job, third.lines()
     third.until(lambda: f"{TRAINING}: try 1 of 4 failed, next one follows" in third.said, "saying so")
-    assert f"{TRAINING}: failed" not in third.said
+    assert f"{TRAINING}: failed" not in third.said and "try 2 of 4" not in third.said
     third.trains_on(lines)
 
     # A node is lost, while what it runs hangs on: Slurm starts the job on the other one, and the older start ends.
@@ -188,21 +184,10 @@ def test_through_all_that_ends_jobs(
 
     # The same bytes as by hand, here, without interruption.
     here = tmp_path / "here"
-    command = [
-        sys.executable,
-        "-m",
-        "reproduce",
-        "stage",
-        "--scale",
-        str(SCALE),
-        "--from",
-        "scratch",
-        "--out",
-        str(here),
-    ]
+    where = ["--scale", str(SCALE), "--from", "scratch", "--out", str(here)]
     for stage in ("objects", "grasps", "train", "evaluate"):
         subprocess.run(
-            [*command, stage],
+            [sys.executable, "-m", "reproduce", "stage", stage, *where],
             cwd=ROOT, env=ENVIRONMENT | {"TACTILE_KIT_CACHE": os.environ["TACTILE_KIT_CACHE"]}, check=True,
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=PATIENCE,
         )  # fmt: skip
