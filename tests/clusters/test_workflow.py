@@ -19,13 +19,13 @@ from reproduce.clusters.jobs import Jobs
 from reproduce.files import ROOT
 from reproduce.profiles import FOLDER
 
-pytestmark = [pytest.mark.cluster, pytest.mark.slow, pytest.mark.timeout(1500)]
+pytestmark = [pytest.mark.cluster, pytest.mark.slow, pytest.mark.timeout(2400)]
 
 SCALE = Path(__file__).parent / "tiny.yaml"
 ORACLE, TACTILE = "oracle-vec_bps-cube-s0", "tactile-vec_bps-cube-s0"
 TRAINING = f"train/{ORACLE}"
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1", "MPLBACKEND": "Agg"}
-PATIENCE = 400.0  # s, of a machine that has other work
+PATIENCE = 600.0  # s, of a machine that has other work
 
 
 class Running:
