@@ -21,11 +21,12 @@ SAMPLE = 0.02  # of a roll-out: observations of policy, critic and estimator, an
 
 # µs of one core, for one environment step
 BULLET, COMPILED = 842.0, 18.7  # simulated, in the workers
-PARENTS = 25.0  # in the parent: observation, reward, encoding, policy
+PARENTS = 37.0  # in the parent: observation with its encoding, reward, episodes
 # for a million weights
-LEARNER = 60.0  # one pass of the policy's or the critic's over the samples, forward and back
-ESTIMATOR = 60.0  # the same of the estimator's
-ESTIMATES = 20.0  # forward only, as it acts
+POLICY = 58.0  # the policy and the critic, as they act
+LEARNER = 92.0  # one pass of theirs over the samples, forward and back
+ESTIMATES = 31.5  # the estimator, as it acts
+ESTIMATOR = 36.6  # one pass of its over the sequences
 EPISODE = 0.15  # s of one core: a whole evaluated episode of up to 100 steps
 GRASPS = 3.0  # s of one core: the grasps of one object at one size
 
@@ -72,8 +73,8 @@ def step_parts(config: Mapping[str, Any]) -> Parts:
     """What one environment step of a training costs, by its resolved ``RunConfig``."""
     tactile = config["kind"] == "tactile"
     ppo, threads = config["ppo"], int(config["threads"])
-    learner = LEARNER * ppo["epochs"] * sum(_weights(ppo[name]["hidden"]) for name in ("actor", "critic"))
-    parent = PARENTS
+    weights = sum(_weights(ppo[name]["hidden"]) for name in ("actor", "critic"))
+    parent, learner = PARENTS + POLICY * weights, LEARNER * ppo["epochs"] * weights
     if tactile:
         names = ("encoder_hidden", "transition_hidden", "sigma_hidden")
         weights = sum(_weights(config["estimator"][name]) for name in names)
