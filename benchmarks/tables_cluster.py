@@ -105,6 +105,7 @@ def ray_scaling(record: Record) -> list[str]:
         "|" + "---|" * 9,
     ]
     plan = make_plan(load_scale("paper"), "scratch", ROOT / "results" / "paper")
+    limits = []
     for kind in ("oracle", "tactile"):
         run = next(run for run in plan.runs if run.role == f"{kind}-vec_bps-geometric8")
         for cores in CORES:
@@ -117,4 +118,11 @@ def ray_scaling(record: Record) -> list[str]:
                 f"| {parts.learner:.1f} | {rate:,.0f} | {settings['steps'] / rate / 3600:,.0f} "
                 f"| {rate * (sizes['sent'] + sizes['received']) / 1e6:.0f} |"
             )
+        alone = overhead * resources.BULLET
+        limits.append(f"{alone / (parts.parent + parts.learner):.0f} cores for the {kind}")
+    lines += [
+        "",
+        f"Parent and learner take as long as the simulation at {' and '.join(limits)}; from there on more cores bring "
+        "less than half of their worth, and beyond 64 almost nothing: the parent is the limit, not the network.",
+    ]
     return lines

@@ -16,6 +16,7 @@ import subprocess
 import sys
 import threading
 import time
+import uuid
 from pathlib import Path
 
 from reproduce.files import write_atomic
@@ -51,6 +52,8 @@ class Turn:
 
 
 def main(home: Path, turn: str, leg: int, arguments: list[str]) -> int:
+    # unlike any other start's: a controller that was restarted may have forgotten that it counted
+    turn = f"{turn}.{uuid.uuid4().hex[:8]}"
     ours, began = Turn(home, turn), time.monotonic()
     print(f"--- job {turn} on {platform.node()}, {time.strftime('%Y-%m-%d %H:%M:%S %z')}", flush=True)
     threading.Thread(target=ours.watch, daemon=True, name="turn").start()

@@ -65,7 +65,7 @@ class Jobs:
             end = json.loads((self.home(job.name) / "exit.json").read_text(encoding="utf-8"))
         except (FileNotFoundError, json.JSONDecodeError):
             return None
-        return int(end["status"]) if end["turn"].rpartition(".")[0] == job.id else None
+        return int(end["status"]) if end["turn"].split(".")[0] == job.id else None
 
 
 def _read(file: Path) -> Job | None:
@@ -88,16 +88,17 @@ def stamps(files: Sequence[str]) -> list[str]:
 
 
 def judge(jobs: Jobs, job: Job, standing: Standing | None) -> tuple[bool, bool, str]:
-    """Whether a job lives, whether it has ended well, and what to say of it where it has not."""
+    """Whether a job lives, whether it has ended well, and what to say of it where it has not.
+
+    A start that has ended well is the end; after another one the scheduler may start the same job again.
+    """
     status = jobs.ended(job)
+    if status == 0:
+        return False, True, ""
+    if standing is not None and standing.alive:
+        return True, False, ""
     if status is not None:
-        return False, status == 0, f"exit status {status}"
+        return False, False, f"exit status {status}"
     if standing is None:  # long forgotten, or cancelled before it began
         return False, False, f"job {job.id} is gone and left no exit status"
-    if standing.alive:
-        return True, False, ""
-    return (
-        False,
-        False,
-        f"job {job.id}: {standing.word}" + (f" on {standing.where}" if standing.where else ""),
-    )
+    return False, False, f"job {job.id}: {standing.word}" + (f" on {standing.where}" if standing.where else "")

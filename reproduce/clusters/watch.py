@@ -48,9 +48,7 @@ class Watch:
                     self.say(f"{name} does not answer; jobs go on, and so does this when it does: {error}")
                 self._away.add(name)
                 standings = {}
-                mine = [
-                    job for job in mine if self.jobs.ended(job) is not None
-                ]  # by what they left themselves
+                mine = [job for job in mine if self.jobs.ended(job) == 0]  # by what they left themselves
             else:
                 if name in self._away:
                     self.say(f"{name} answers again")

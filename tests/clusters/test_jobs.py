@@ -39,8 +39,9 @@ def test_what_a_job_left_behind_counts_first(tmp_path: Path) -> None:
     ends(jobs, "11.0", 0)  # an earlier job of that name
     assert judge(jobs, job, running) == (True, False, "")
     ends(jobs, "12.1", 0)
-    assert judge(jobs, job, running) == (False, True, "exit status 0")  # about to end there
-    ends(jobs, "12.1", 2)
+    assert judge(jobs, job, running) == (False, True, "")  # about to end there
+    ends(jobs, "12.1.e5", 2)
+    assert judge(jobs, job, running) == (True, False, "")  # the scheduler may start it again
     assert judge(jobs, job, None) == (False, False, "exit status 2")
 
 

@@ -160,16 +160,16 @@ def test_through_all_that_ends_jobs(
     # A node is lost, while what it runs hangs on: Slurm starts the job on the other one, and the older start ends.
     node = slurm.node(job)
     turn = Jobs(out / ".pipeline").home(TRAINING) / "turn"
-    assert turn.read_text() == f"{job}.0"
+    assert turn.read_text().startswith(f"{job}.0.")
     (older,) = processes_of(turn.parent)
     os.kill(older, signal.SIGSTOP)  # it could be at its end before Slurm notices
     slurm.kill(node)
     other = next(name for name in NODES if name != node)
     third.until(lambda: slurm.node(job) == other, "the job on the other node")
-    third.until(lambda: turn.read_text() == f"{job}.1", "the job's second start")
+    third.until(lambda: turn.read_text().startswith(f"{job}.1."), "the job's second start")
     os.kill(older, signal.SIGCONT)
-    lines = third.lines()
-    third.trains_on(lines)
+    third.until(lambda: older not in processes_of(turn.parent), "the older start's end")
+    third.trains_on(third.lines())
 
     # The controller is away for a while.
     slurm.kill("slurmctld")
@@ -180,7 +180,7 @@ def test_through_all_that_ends_jobs(
     slurm.start_node(node)
     text = (out / ".pipeline" / "logs" / f"{TRAINING}.log").read_text()
     assert "started again elsewhere; this start ends" in text
-    assert len(re.findall(r"(?m)^--- job ", text)) == 4  # nothing of it was overwritten
+    assert len(re.findall(r"(?m)^--- job ", text)) >= 4  # nothing of it was overwritten
 
     # The same bytes as by hand, here, without interruption.
     here = tmp_path / "here"
