@@ -101,4 +101,8 @@ def judge(jobs: Jobs, job: Job, standing: Standing | None) -> tuple[bool, bool, 
         return False, False, f"exit status {status}"
     if standing is None:  # long forgotten, or cancelled before it began
         return False, False, f"job {job.id} is gone and left no exit status"
-    return False, False, f"job {job.id}: {standing.word}" + (f" on {standing.where}" if standing.where else "")
+    return (
+        False,
+        False,
+        f"job {job.id}: {standing.word}" + (f" on {standing.where}" if standing.where else ""),
+    )

@@ -72,7 +72,7 @@ def test_a_start_that_was_replaced_ends_and_says_nothing(tmp_path: Path) -> None
     process = subprocess.Popen(
         [sys.executable, "-c", code, str(tmp_path)], cwd=ROOT, stdout=subprocess.PIPE, text=True
     )
-    assert "job 12.0 on" in process.stdout.readline()
+    assert "--- job 12.0." in process.stdout.readline()
     (tmp_path / "turn").write_text("12.1")
     assert "started again elsewhere" in process.stdout.readline()
     process.stdout.close()

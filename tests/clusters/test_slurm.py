@@ -78,7 +78,7 @@ def test_gently_and_hard(slurm: Loopback, tmp_path: Path) -> None:
 
 def test_refusals(slurm: Loopback, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scheduler = Slurm()
-    with pytest.raises(SchedulerError, match="[Ii]nvalid partition"):
+    with pytest.raises(SchedulerError, match=r"[Ii]nvalid partition"):
         scheduler.submit(request(tmp_path, "true", resources={"slurm_partition": "none"}))
     other = slurm.folder / "away.conf"
     text = slurm.configuration.read_text()
