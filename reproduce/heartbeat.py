@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import time
 from pathlib import Path
@@ -42,9 +43,9 @@ class Heartbeat:
 
     def _write(self, state: str, message: str = "") -> None:
         done, total = self._at
-        write_atomic(
-            self.path, json.dumps({"state": state, "done": done, "total": total, "message": message})
-        )
+        beat = {"state": state, "done": done, "total": total, "message": message}
+        with contextlib.suppress(OSError):  # a full disk: whoever watches sees less, and the job goes on
+            write_atomic(self.path, json.dumps(beat))
 
 
 def file_of(pipeline: Path, job: str) -> Path:
