@@ -17,10 +17,10 @@ PACKAGES := object_sets randomization reproduce tactile_kit
 CODE := $(wildcard $(PACKAGES) tests benchmarks)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup reproduce test coverage lint format bench docs clean
+.PHONY: help setup reproduce test test-cluster coverage lint format bench docs clean
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: $(INSTALLED)  ## install everything into .venv, in the versions of constraints.txt
 	@:
@@ -44,6 +44,12 @@ reproduce: setup  ## every table, figure and the report, from the shipped agents
 # One thread a process: JOBS processes share the cores, and results don't depend on how many there are.
 test: setup  ## all tests
 	OMP_NUM_THREADS=1 MPLBACKEND=Agg $(BIN)/python -m pytest -n $(JOBS) $(PYTEST_ARGS)
+
+# Debian's Slurm: apt-get install --no-install-recommends slurm-wlm munge. No systemd, nothing of the system's is touched.
+test-cluster: setup  ## the workflow on a Slurm of this machine: jobs, a node and the controller are killed
+	@$(BIN)/python -c "import snakemake_executor_plugin_cluster_generic" 2>/dev/null \
+		|| $(BIN)/python -m pip install --quiet --constraint constraints.txt $(PIP_ARGS) --editable '.[slurm]'
+	OMP_NUM_THREADS=1 MPLBACKEND=Agg $(BIN)/python -m pytest -n 0 -m cluster $(PYTEST_ARGS) tests/clusters
 
 # Each package for itself: a well tested one must not make up for another.
 coverage: setup  ## lines that the tests run, at least 90 % of each package; a quarter of an hour on two cores

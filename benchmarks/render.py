@@ -1,4 +1,4 @@
-"""Writes the tables of docs/{speed,physics,compiled}.md from results/benchmarks/*.json, between markers.
+"""Writes the tables of docs/{speed,physics,compiled,cluster}.md from results/benchmarks/*.json, between markers.
 
     python benchmarks/render.py [--check]
 
@@ -15,12 +15,13 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
+import tables_cluster
 import tables_compiled
 import tables_physics
 import tables_speed
 from record import RESULTS, ROOT
 
-PAGES = ("docs/speed.md", "docs/physics.md", "docs/compiled.md")
+PAGES = ("docs/speed.md", "docs/physics.md", "docs/compiled.md", "docs/cluster.md")
 BLOCK = re.compile(r"(<!-- bench (\w+):[^\n]*-->\n).*?(<!-- /bench -->)", re.DOTALL)
 # name of the block: its file in results/benchmarks and what renders it
 BLOCKS: dict[str, tuple[str, Callable[[dict[str, Any]], list[str]]]] = {
@@ -40,6 +41,9 @@ BLOCKS: dict[str, tuple[str, Callable[[dict[str, Any]], list[str]]]] = {
     "compiled_speed": ("compiled", tables_compiled.speed),
     "compiled_motion": ("compiled", tables_compiled.motion),
     "compiled_ends": ("compiled", tables_compiled.ends),
+    "paper_jobs": ("cluster", tables_cluster.paper_jobs),
+    "ray": ("cluster", tables_cluster.ray),
+    "ray_scaling": ("cluster", tables_cluster.ray_scaling),
     "steps_of_agent": ("steps_of_agent", tables_physics.agent),
 }
 

@@ -44,7 +44,7 @@ def run(
     scale: Scale = "small",
     source: Source = "pretrained",
     jobs: Annotated[int, arg(metavar="N")] = 2,
-    profile: Annotated[str | None, arg(metavar="DIR")] = None,
+    profile: Annotated[str | None, arg(metavar="slurm|DIR")] = None,
     out: DirectoryOrNone = None,
     agents: DirectoryOrNone = None,
 ) -> int:
@@ -56,7 +56,7 @@ def run(
         scale: How much: smoke (minutes), small (the shipped agents), paper (the paper's sizes), or a YAML file.
         source: pretrained takes the agents as they are and trains nothing; scratch trains them first.
         jobs: Jobs at a time.
-        profile: Snakemake profile, for Slurm, Kubernetes or other clusters.
+        profile: Runs the jobs on a cluster: a profile that comes along, by name, or the folder of a Snakemake profile.
         out: Where results go. Default: results/ for small, results/<scale>/ for others, results/scratch/ for small from
             scratch.
         agents: Folder of agent directories. Default: results/agents, or <out>/agents from scratch.
@@ -104,7 +104,12 @@ def stage(
     return 0
 
 
-def train(config: Positional[Path], out: Annotated[Path, arg(metavar="DIR")]) -> int:
+def train(
+    config: Positional[Path],
+    out: Annotated[Path, arg(metavar="DIR")],
+    workers: Literal["processes", "ray"] | None = None,
+    num_workers: Annotated[int | None, arg(metavar="N")] = None,
+) -> int:
     """Train one agent as a run configuration (YAML) says, or go on with a run that was stopped.
 
     Ctrl-C or SIGTERM ends it after the roll-out in progress, with a checkpoint; a second one ends it at once.
@@ -112,10 +117,16 @@ def train(config: Positional[Path], out: Annotated[Path, arg(metavar="DIR")]) ->
     Args:
         config: The run's settings; the config.yaml of any run directory will do.
         out: The run directory. With the same configuration a stopped run is continued.
+        workers: What simulates, instead of what the configuration says: processes, or ray: actors on all machines of
+            a Ray cluster, which the extra ray installs. The results are the same.
+        num_workers: How many of them, instead of what the configuration says.
     """
     from tactile_kit.runs.config import RunConfig
 
-    settings = RunConfig.from_yaml(config)
+    changes = {"workers": workers, "num_workers": num_workers}
+    settings = RunConfig.from_yaml(
+        config, {name: value for name, value in changes.items() if value is not None}
+    )
     say(f"{out.name}: {settings.steps:,} steps as {config} says; loads what it needs")
     from reproduce.stages.train import train_config
     from reproduce.summary import summary

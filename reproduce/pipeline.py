@@ -14,10 +14,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from reproduce import heartbeat, owner
+from reproduce.clusters.watch import RUN, Watch
 from reproduce.errors import ReproduceError
 from reproduce.files import CODE, shown
 from reproduce.plan import Plan
 from reproduce.prepare import describe, prepare
+from reproduce.profiles import Profile, load_profile
 from reproduce.progress import Progress
 from tactile_kit.progress import duration
 
@@ -31,14 +33,17 @@ def run(plan: Plan, jobs: int, profile: str | None = None, quiet: bool = False) 
 
     Args:
         jobs: how many jobs at a time (cores here, jobs in the cluster's queue with a profile).
-        profile: a Snakemake profile folder, handed through: the same jobs on a cluster.
+        profile: a Snakemake profile, by name or folder: the same jobs on a cluster.
+
+    Raises ``ReproduceError`` for a profile that isn't there, ``BusyError`` where another run is at work.
     """
+    cluster = load_profile(profile) if profile is not None else None
     print(describe(plan), flush=True)
     began = time.monotonic()
     with owner.hold(plan.pipeline) as lock:
         config = prepare(plan)
-        command = _command(plan, config, jobs, profile)
-        wanted = _wanted(command, plan, config)
+        command = _command(plan, config, jobs, cluster)
+        wanted = _wanted(command, config)
         if not wanted:
             print(f"nothing to do: everything in {shown(plan.out)} is up to date", flush=True)
             return 0
@@ -46,8 +51,16 @@ def run(plan: Plan, jobs: int, profile: str | None = None, quiet: bool = False) 
             f"{len(wanted)} jobs to do, {jobs} at a time; logs in {shown(plan.pipeline / 'logs')}", flush=True
         )
         log = plan.pipeline / "snakemake.log"
-        with log.open("w", encoding="utf-8") as output, Progress(plan.pipeline, wanted) as progress:
-            status = _execute(command, plan, lock, output, progress, local=profile is None)
+        watch = None
+        if cluster is not None:
+            (plan.pipeline / "cluster" / "states").mkdir(parents=True, exist_ok=True)
+            watch = Watch(plan.pipeline, cluster.seconds, _this_run())
+        retries = cluster.retries if cluster is not None else 0
+        with (
+            log.open("w", encoding="utf-8") as output,
+            Progress(plan.pipeline, wanted, watch, tries=1 + retries) as progress,
+        ):
+            status = _execute(command, lock, output, progress, watch)
     if status != 0:
         _tell_failure(plan, wanted, log)
         return status
@@ -57,7 +70,7 @@ def run(plan: Plan, jobs: int, profile: str | None = None, quiet: bool = False) 
     return 0
 
 
-def _command(plan: Plan, config: Path, jobs: int, profile: str | None) -> list[str]:
+def _command(plan: Plan, config: Path, jobs: int, profile: Profile | None) -> list[str]:
     command = [
         sys.executable, "-m", "snakemake",
         "--snakefile", str(CODE / "reproduce" / "Snakefile"),
@@ -67,10 +80,14 @@ def _command(plan: Plan, config: Path, jobs: int, profile: str | None) -> list[s
         "--keep-going",
         "--nolock",  # the folder is held by our own lock, which dies with its holder
         "--printshellcmds",
-        "--latency-wait", "30" if profile else "2",
+        "--latency-wait", "60" if profile else "2",
         "--jobs" if profile else "--cores", str(jobs),
     ]  # fmt: skip
-    return [*command, "--profile", str(Path(profile).resolve())] if profile else command
+    return [*command, "--profile", str(profile.folder)] if profile else command
+
+
+def _this_run() -> str:
+    return owner.owner_environment()[owner.OWNER]
 
 
 def _environment(local: bool) -> dict[str, str]:
@@ -79,10 +96,11 @@ def _environment(local: bool) -> dict[str, str]:
     }
     # One thread a process: jobs run side by side, and results must not depend on the number of cores.
     environment |= {"OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1", "NO_COLOR": "1"}
+    environment |= {RUN: _this_run(), "REPRODUCE_PYTHON": sys.executable}  # for profiles
     return environment | (owner.owner_environment() if local else {})
 
 
-def _wanted(command: list[str], plan: Plan, config: Path) -> dict[str, float]:
+def _wanted(command: list[str], config: Path) -> dict[str, float]:
     """The jobs Snakemake would run, with a rough cost each. Our own commands are what it prints."""
     dry = subprocess.run(
         [*command, "--dry-run"], capture_output=True, text=True, env=_environment(False), check=False
@@ -104,16 +122,71 @@ def _cost(stage: str, item: str, content: dict) -> float:
     return _SECONDS.get(stage, _ARTEFACT)
 
 
-def _execute(command: list[str], plan: Plan, lock: int, output, progress: Progress, local: bool) -> int:
+def _execute(command: list[str], lock: int, output, progress: Progress, watch: Watch | None) -> int:
     process = subprocess.Popen(
-        command, stdout=output, stderr=subprocess.STDOUT, env=_environment(local), start_new_session=True,
+        command, stdout=output, stderr=subprocess.STDOUT, env=_environment(watch is None), start_new_session=True,
         pass_fds=(lock,), preexec_fn=_die_with_parent,
     )  # fmt: skip
-    with _forwarded(process):
-        while process.poll() is None:
-            progress.update()
-            time.sleep(0.5)
+    try:
+        with _signals_raised():
+            while process.poll() is None:
+                if watch is not None:
+                    watch.update()
+                progress.update()
+                time.sleep(0.5)
+    except _Stop as stop:
+        with _signals_raised():
+            _end(process, watch, progress)
+        raise SystemExit(128 + stop.number) from None
     return process.returncode
+
+
+class _Stop(BaseException):
+    """An interrupt or a termination."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+
+@contextlib.contextmanager
+def _signals_raised() -> Iterator[None]:
+    def stop(number: int, _: object) -> None:
+        raise _Stop(number)
+
+    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _end(process: subprocess.Popen, watch: Watch | None, progress: Progress) -> None:
+    """Ends all jobs, here and on a cluster; finished ones are kept. A second signal cuts it short."""
+    progress.stopping = True
+    try:
+        if watch is not None:
+            progress.say("ends the jobs; once more, and they go on without this")
+        foreign = watch is not None and not watch.jobs_known  # another executor ends its jobs on an interrupt
+        for sign in (signal.SIGINT, signal.SIGTERM) if foreign else (signal.SIGTERM,):
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, sign)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(30 if sign == signal.SIGINT else 5 if watch is None else 1)
+                break
+        if watch is not None:
+            _kill(process)  # or it would hand in again what ends now
+            watch.stop()
+    except _Stop:
+        progress.say("left alone: what the cluster runs goes on")
+    finally:
+        _kill(process)  # stages that would not listen
+    progress.say("stopped; run the same command again to go on from here")
+
+
+def _kill(process: subprocess.Popen) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
 
 
 def _die_with_parent() -> None:
@@ -122,30 +195,6 @@ def _die_with_parent() -> None:
         import ctypes
 
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-
-
-@contextlib.contextmanager
-def _forwarded(process: subprocess.Popen) -> Iterator[None]:
-    """An interrupt or a termination ends all jobs; finished ones are kept and not made again."""
-
-    def stop(number: int, _: object) -> None:
-        for sign in (signal.SIGTERM, signal.SIGKILL):
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, sign)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(5)
-                break
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)  # stages that would not listen
-        print("stopped; run the same command again to go on from here", flush=True)
-        raise SystemExit(128 + number)
-
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _tell_failure(plan: Plan, jobs: dict[str, float], log: Path) -> None:

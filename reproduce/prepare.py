@@ -4,10 +4,14 @@ re-runs exactly its dependants.
 
 from __future__ import annotations
 
+import functools
 import json
+import operator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from reproduce import resources
 from reproduce.files import CODE, dump_yaml, read_json, shown, write_if_changed
 from reproduce.inventory import NEEDS, found, inventory, is_made
 from reproduce.plan import ARTEFACTS, Evaluation, Plan
@@ -44,7 +48,7 @@ def prepare(plan: Plan) -> Path:
         train[job] = {
             "after": sorted(after),
             "grasps": sorted(banks),
-            "threads": max(int(entry["config"].get("num_workers", 1)) for entry in entries),
+            **_together(entry["config"] for entry in entries).as_dict,
             "priority": 50 + min(steps, 10**9) / 1e9 if not after else 40,  # what others wait for goes first
             "steps": steps,
         }
@@ -65,7 +69,7 @@ def prepare(plan: Plan) -> Path:
             "agent": str(agent.relative_to(plan.pipeline)) if plan.trains else str(agent),
             "grasps": [bank],
             "episodes": weight(evaluation),
-            "threads": plan.scale.num_workers,
+            **resources.evaluation(weight(evaluation), plan.scale.num_envs, plan.scale.num_workers).as_dict,
         }
     for item, settings in grasps.items():
         write_if_changed(jobs / "grasps" / f"{item}.yaml", dump_yaml(settings))
@@ -80,7 +84,10 @@ def prepare(plan: Plan) -> Path:
         "pipeline": str(plan.pipeline),
         "source": str(CODE / "reproduce"),
         "num_workers": plan.scale.num_workers,
-        "grasps": sorted(grasps),
+        "grasps": {
+            item: resources.grasps(_sizes(task), plan.scale.num_workers).as_dict
+            for item, task in sorted(grasps.items())
+        },
         "train": train,
         "evaluate": evaluate,
         "needs": needs,
@@ -89,6 +96,16 @@ def prepare(plan: Plan) -> Path:
     config = plan.pipeline / "plan.json"
     write_if_changed(config, json.dumps(content, indent=1) + "\n")
     return config
+
+
+def _together(configs: Iterable[dict[str, Any]]) -> resources.Need:
+    """What the trainings of one job need, one after another."""
+    return functools.reduce(operator.or_, map(resources.training, configs))
+
+
+def _sizes(task: dict[str, Any]) -> int:
+    objects = sum(OBJECTS.get(part, 1) for part in task["objects"].split(","))
+    return objects * (1 + task["variants"] if task["scaling"] == "random" else 1)
 
 
 def _needs(plan: Plan, content: dict[str, Any]) -> dict[str, list[str]]:

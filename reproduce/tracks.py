@@ -107,7 +107,7 @@ def quotient(
         ends = stratified_bootstrap(
             strata, root, generator=randomization.stream(seed, "bootstrap", "calibration")
         )
-        low, high = (_known(end) for end in ends)
+        low, high = (_known(float(end)) for end in ends)
     return Estimate(root(strata), low, high, int((np.concatenate(strata)[:, 1] > 0).sum()))
 
 

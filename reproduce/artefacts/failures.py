@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -86,6 +87,10 @@ def _bars(axes: Axes, place: int, counts: Counter, total: int) -> None:
         left += width
 
 
+def _last(column: str, track: Track) -> list[float]:
+    return [getattr(track.last, column)]
+
+
 def _symmetries(role: str, found: list[Track], runs: Sequence[str], seed: int) -> list[Cell]:
     """Of tactile agents: mean errors at the end of those held, by object; the paper's and up to symmetry."""
     if not role.startswith("tactile"):
@@ -94,9 +99,8 @@ def _symmetries(role: str, found: list[Track], runs: Sequence[str], seed: int) -
     for name in dict.fromkeys(track.last.object for track in found):
         mine = [track for track in found if track.last.object == name and track.last.end == "time"]
         for quantity, column in ((PLAIN, "error"), (SYMMETRIC, "symmetric")):
-            (value,) = means(mine, lambda track, column=column: [getattr(track.last, column)], seed) or (
-                None,
-            )
+            errors = partial(_last, column)
+            (value,) = means(mine, errors, seed) or (None,)
             cells.append(
                 empty_cell(role, name, quantity, None, "all dropped", runs=runs)
                 if value is None

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,9 @@ from typing import Any
 from reproduce.errors import ReproduceError, Stopped
 from reproduce.files import read_yaml, write_atomic
 from reproduce.heartbeat import Heartbeat
+from tactile_kit.errors import LockedError
+
+PATIENCE = 300.0  # s for another process to leave the directory: an earlier start of this job, on a node that was lost
 
 
 def run(pipeline: Path, item: str, beat: Heartbeat) -> None:
@@ -48,7 +52,21 @@ def _train(settings: dict[str, Any], directory: Path, report: Callable[[int], No
             flush=True,
         )
     with _following(directory / "metrics.jsonl", report):
-        train_config(config, directory)
+        _when_free(lambda: train_config(config, directory))
+
+
+def _when_free(work: Callable[[], None]) -> None:
+    deadline, said = time.monotonic() + PATIENCE, False
+    while True:
+        try:
+            return work()
+        except LockedError as error:
+            if time.monotonic() > deadline:
+                raise
+            if not said:
+                print(f"{error}; waits for it", flush=True)
+            said = True
+            time.sleep(1.0)
 
 
 def train_config(config: Any, directory: Path) -> None:

@@ -65,6 +65,7 @@ class TactileVecEnv(ReorientVecEnv):
         estimator: Any = None,
         ecrl: ECRLConfig | None = None,
         training: bool | None = None,
+        workers: str = "processes",
     ) -> None:
         super().__init__(
             config,
@@ -73,6 +74,7 @@ class TactileVecEnv(ReorientVecEnv):
             seed=seed,
             episodes=episodes,
             variants=variants,
+            workers=workers,
         )
         try:
             self.coupling = self._couple(estimator or EstimatorConfig(), ecrl or ECRLConfig(), seed)

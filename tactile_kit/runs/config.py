@@ -89,6 +89,10 @@ class RunConfig(Settings):
     steps: PositiveInt = Field(100_000_000, description="Environment steps, summed over all environments.")
     num_envs: PositiveInt = 256
     num_workers: PositiveInt = 2
+    workers: Literal["processes", "ray"] = Field(
+        "processes",
+        description="What simulates: processes (threads if compiled), or ray: actors on other machines.",
+    )
     threads: PositiveInt = Field(2, description="Threads of the learner; part of what decides its rounding.")
     matmul_precision: Literal["highest", "high", "medium"] = "medium"
     start_at_grasp: bool = Field(
@@ -227,7 +231,7 @@ def _read_yaml(path: Path) -> dict[str, Any]:
 
 
 GROWS = ("steps",)
-FREE = ("evaluation.", "checkpoint.", "num_workers")  # results do not depend on these
+FREE = ("evaluation.", "checkpoint.", "num_workers", "workers")  # results do not depend on these
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:

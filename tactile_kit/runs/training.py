@@ -148,7 +148,12 @@ def default_env(config: RunConfig, quiet: bool = False) -> Any:
         from tactile_kit.task.vec_env import ReorientVecEnv
 
         return ReorientVecEnv(
-            task, num_envs=config.num_envs, num_workers=config.num_workers, seed=seed, variants=variants
+            task,
+            num_envs=config.num_envs,
+            num_workers=config.num_workers,
+            seed=seed,
+            variants=variants,
+            workers=config.workers,
         )
     from tactile_kit.ecrl import TactileVecEnv
 
@@ -160,6 +165,7 @@ def default_env(config: RunConfig, quiet: bool = False) -> Any:
         variants=variants,
         estimator=config.estimator,
         ecrl=config.ecrl,
+        workers=config.workers,
     )
 
 

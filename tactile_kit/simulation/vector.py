@@ -138,15 +138,18 @@ class VectorSimulation:
 
     def step_wait(self) -> dict[int, dict[str, Any]]:
         """Finish the step; returns ``fault``, ``steps`` and ``physics`` of episodes that ended, by environment."""
-        if self._group is not None:
-            ended = self._group.step()
-        else:
-            ended = {}
-            for worker in range(len(self._pipes)):
-                ended.update(self._answer(worker))
+        ended = self._finish()
         for index in sorted(ended):
             if "dump" in ended[index]:
                 self._keep(ended[index].pop("dump"))
+        return ended
+
+    def _finish(self) -> dict[int, dict[str, Any]]:
+        if self._group is not None:
+            return self._group.step()
+        ended: dict[int, dict[str, Any]] = {}
+        for worker in range(len(self._pipes)):
+            ended.update(self._answer(worker))
         return ended
 
     def _keep(self, dump: Dump) -> None:

@@ -35,10 +35,12 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 
-def simulation_of(core: Core, num_envs: int, num_workers: int) -> VectorSimulation | CompiledSimulation:
+def simulation_of(
+    core: Core, num_envs: int, num_workers: int, workers: str = "processes"
+) -> VectorSimulation | CompiledSimulation:
     """The physics that the task's settings ask for."""
     physics = core.config.simulation
-    return batches.simulation_of(physics, core.blueprint, core.meshes, num_envs, num_workers)
+    return batches.simulation_of(physics, core.blueprint, core.meshes, num_envs, num_workers, workers)
 
 
 class ReorientVecEnv(VecEnv):
@@ -52,6 +54,8 @@ class ReorientVecEnv(VecEnv):
         episodes: play exactly these, each once (evaluation); finished environments take the next of the list, and
             ``results`` fills up in its order. Without it, training episodes never end.
         variants: prepared bodies to share between environments.
+        workers: what the workers are: ``processes`` of this machine, or ``ray``: actors on all machines that Ray has.
+            Results don't depend on it.
     """
 
     render_mode = None
@@ -66,6 +70,7 @@ class ReorientVecEnv(VecEnv):
         seed: int = 0,
         episodes: Iterable[EpisodeSpec] | None = None,
         variants: Variants | None = None,
+        workers: str = "processes",
     ) -> None:
         core = Core(
             config,
@@ -84,7 +89,7 @@ class ReorientVecEnv(VecEnv):
             spaces.Box(-np.inf, np.inf, (self.layout.size,), np.float32),
             spaces.Box(-1.0, 1.0, (JOINTS,), np.float32),
         )
-        self.simulation = simulation_of(core, num_envs, num_workers)
+        self.simulation = simulation_of(core, num_envs, num_workers, workers)
         try:
             self.episodes = Episodes(config, core.variants, num_envs, self.simulation.views, seed, episodes)
         except BaseException:
@@ -292,8 +297,8 @@ class ReorientVecEnv(VecEnv):
 def make_vec(config: TaskConfig | None = None, **settings: Any) -> ReorientVecEnv:
     """The batched environment from a task or from single settings of one.
 
-    ``num_envs``, ``num_workers``, ``seed`` and ``episodes`` go to :class:`ReorientVecEnv`, everything else to
-    :class:`TaskConfig`. ``render_mode`` may be given as None, as other makers take it.
+    ``num_envs``, ``num_workers``, ``workers``, ``seed`` and ``episodes`` go to :class:`ReorientVecEnv`, everything
+    else to :class:`TaskConfig`. ``render_mode`` may be given as None, as other makers take it.
 
     Raises:
         ValueError: another ``render_mode``: the batch has no pictures, the single environment has.
@@ -305,7 +310,7 @@ def make_vec(config: TaskConfig | None = None, **settings: Any) -> ReorientVecEn
         )
     own = {
         name: settings.pop(name)
-        for name in ("num_envs", "num_workers", "seed", "episodes")
+        for name in ("num_envs", "num_workers", "seed", "episodes", "workers")
         if name in settings
     }
     config = (config or TaskConfig()).changed(settings)
