@@ -12,7 +12,7 @@ from reproduce.cells import Cell, empty_cell, estimate_cell, range_of, write_cel
 from reproduce.courses import OWN
 from reproduce.inventory import COURSE, EVALUATED, FINGERS
 from reproduce.results import Results
-from reproduce.style import GREY, LINES, TACTILE, figure, footnote, save, say_missing
+from reproduce.style import GREY, LINES, PAGE, TACTILE, figure, footnote, save, say_missing
 from reproduce.tracks import Track, means, tracks
 from tactile_kit.evaluation.failures import KINDS, kind_of_moment
 from tactile_kit.evaluation.rows import SUCCESS_ANGLE
@@ -28,7 +28,7 @@ SHARE, PLAIN, SYMMETRIC = "share of failures", "error at 10 s (rad)", "error at 
 def make(results: Results, outputs: Sequence[Path]) -> None:
     """``outputs``: PNG, SVG and a CSV of the numbers."""
     cells: list[Cell] = []
-    made, (left, right) = figure(11.5, 4.0, 2, width_ratios=(1.15, 1))
+    made, (left, right) = figure(PAGE, 2.8, 2, width_ratios=(1.15, 1))
     shown: list[str] = []
     for role in EVALUATED:
         found, runs = tracks(results.courses(role, COURSE)).get(OWN, []), results.measured(role, COURSE)

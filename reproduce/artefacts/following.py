@@ -15,7 +15,7 @@ from reproduce.cells import Cell, empty_cell, estimate_cell, paper_values, range
 from reproduce.courses import FOLLOWING, condition
 from reproduce.inventory import ORACLE, SIDE_BY_SIDE
 from reproduce.results import Results
-from reproduce.style import GREY, LINES, PAPER, figure, footnote, save, say_missing
+from reproduce.style import GREY, LINES, PAGE, PAPER, figure, footnote, save, say_missing
 from reproduce.tracks import Track, means, quotient, tracks
 from tactile_kit.evaluation.courses import MOMENTS
 
@@ -35,7 +35,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     runs = results.measured(ORACLE, SIDE_BY_SIDE)
     classes = paper_values("table1")["rows"]
     cells: list[Cell] = []
-    made, panels = figure(11.5, 3.3, len(classes) + 1)
+    made, panels = figure(PAGE, 2.3, len(classes) + 1)
     for line, colour in zip(compared(results), COLOURS, strict=True):
         found = beside.get(condition(line.name, FOLLOWING), [])
         for axes, kind in zip(panels, classes, strict=False):

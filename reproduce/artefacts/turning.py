@@ -14,7 +14,7 @@ from reproduce.cells import Cell, empty_cell, estimate_cell, paper_values, range
 from reproduce.courses import OWN
 from reproduce.inventory import COURSE, FINGERS, ORACLE, TACTILE
 from reproduce.results import Results
-from reproduce.style import LINES, PAPER, figure, footnote, save, say_missing
+from reproduce.style import LINES, PAGE, PAPER, figure, footnote, save, say_missing
 from reproduce.tracks import Track, means, median, tracks
 from tactile_kit.evaluation.courses import MOMENTS
 from tactile_kit.evaluation.rows import SUCCESS_ANGLE
@@ -40,7 +40,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     bins = {f"{low} to {high} degrees": (np.radians(low), np.radians(high)) for low, high in pairwise(EDGES)}
     furthest = list(bins)[-1]
     cells: list[Cell] = []
-    made, panels = figure(11.5, 3.3, len(bins) + 1)
+    made, panels = figure(PAGE, 2.3, len(bins) + 1)
     for label, role, colour in AGENTS:
         found = tracks(results.courses(role, COURSE)).get(OWN, [])
         runs = results.measured(role, COURSE)
@@ -64,7 +64,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
         if not there:
             say_missing(axes, "missing")
     panels[0].set_ylabel("mean angle to the goal (rad)")
-    panels[-1].set_title(f"Within 0.4 rad so far, {furthest.replace(' degrees', '°')}")
+    panels[-1].set_title(f"Within 0.4 rad, {furthest.replace(' degrees', '°')}")
     panels[-1].axvline(lab, color=PAPER, linewidth=0.9, linestyle=":")
     panels[-1].set_xlim(0, 10)
     panels[-1].set_ylim(0, 1.02)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import os
 import platform
+import shlex
 import signal
 import subprocess
 import sys
@@ -66,7 +67,7 @@ def main(home: Path, turn: str, leg: int, arguments: list[str]) -> int:
         used = time.monotonic() - began
         if leg and status == STOPPED and used > 60 * leg - MARGIN and ours.ours:
             print(f"{turn}: its {leg} minutes are over; goes on in the next leg", flush=True)
-            subprocess.run(os.environ["AGAIN"], shell=True, check=False)
+            subprocess.run(shlex.split(os.path.expandvars(os.environ["AGAIN"])), check=False)
             time.sleep(MARGIN)  # until it is ended
         if ours.ours:
             write_atomic(home / "exit.json", json.dumps({"turn": turn, "status": status}))

@@ -178,7 +178,7 @@ def test_what_weights_are_of_can_not_be_altered_alone(tmp_path: Path, changes: d
         ({"layout": [["joints", -1]]}, "greater than or equal"),
         ({"layout": [["joints", 50_000]] * 100}, "layout of 5,000,000 numbers"),
         ({"layout": [["joints", 50_000]] * 10}, "do not fit"),
-        ({"hours": float("inf")}, "finite"),
+        ({"hours": float("inf")}, "Infinity is no number"),
     ],
 )
 def test_sizes_are_refused_before_anything_of_them_is_allocated(

@@ -72,5 +72,6 @@ def test_files_written_before_errors_up_to_symmetry_are_read(tmp_path):
     path.write_text(f"{header}\n{line}\n")
     (before,) = read_courses(path)
     assert before == dataclasses.replace(LINE, symmetric=None)
-    write_courses(path, [before, LINE])
-    assert read_courses(path) == [before, LINE]
+    other = dataclasses.replace(LINE, goal=LINE.goal + 1)
+    write_courses(path, [before, other])
+    assert read_courses(path) == [before, other]

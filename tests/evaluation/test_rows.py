@@ -99,7 +99,7 @@ def test_malformed_files_are_refused_by_name(tmp_path, text):
 
 
 def test_the_world_is_kept_and_older_files_are_bullets(tmp_path):
-    rows = [dataclasses.replace(ROW, world="mujoco"), ROW]
+    rows = [dataclasses.replace(ROW, world="mujoco", goal=ROW.goal - 1), ROW]
     path = write_rows(tmp_path / "rows.csv", rows)
     assert [row.world for row in read_rows(path)] == ["mujoco", "bullet"]
     older = "\n".join(line.rpartition(",")[0] for line in path.read_text().splitlines())

@@ -22,7 +22,7 @@ from object_sets.manifest import Manifest, schema_bytes
 from object_sets.objects import content_digest
 from object_sets.quality import part_errors
 from object_sets.sets import DATA
-from object_sets.storage import json_bytes, npz_bytes, read_npz, sha256
+from object_sets.storage import json_bytes, npz_bytes, read_npz, sealed, sha256
 
 ALL = object_sets.load("all")
 MANIFEST = Manifest.from_bytes((DATA / "manifest.json").read_bytes(), "manifest.json")
@@ -163,7 +163,7 @@ def test_hundreds_of_parts_are_refused(cache):
     (file,) = (cache / "coacd").iterdir()
     part = read_npz(file.read_bytes(), file)["part0"]
     many = {"count": np.array(300), **{f"part{i}": part + 0.001 * i for i in range(300)}}
-    file.write_bytes(npz_bytes(many))
+    file.write_bytes(sealed(many, file.stem))
     with pytest.raises(DecompositionError, match="CoACD made 300 convex parts of it; allowed are 256"):
         decompose(item.vertices, item.faces, False, config)
 

@@ -101,7 +101,7 @@ def test_the_workflow_is_planned_where_it_is_called(installed: Path, tmp_path: P
         "from reproduce.plan import default_out\n"
         "made = plan.make_plan(scales.load_scale('smoke'), 'pretrained', default_out('smoke', 'pretrained'))\n"
         "config = prepare.prepare(made)\n"
-        "print(*pipeline._wanted(pipeline._command(made, config, 2, None), made, config))\n"
+        "print(*pipeline._wanted(pipeline._command(made, config, 2, None), config))\n"
         "assert provenance.differences()"
     )
     assert {"table1", "learning", "claims", "report"} <= set(

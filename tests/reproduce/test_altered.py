@@ -55,5 +55,5 @@ def test_an_evaluation_that_no_artefact_reads_is_made(tmp_path: Path) -> None:
         load_scale(str(tmp_path / "own.yaml")), "pretrained", tmp_path / "out", tmp_path / "agents"
     )
     config = prepare(plan)
-    wanted = _wanted(_command(plan, config, 1, None), plan, config)
+    wanted = _wanted(_command(plan, config, 1, None), config)
     assert f"evaluate/{run}/complex" in wanted and f"evaluate/{run}/nominal" in wanted

@@ -206,5 +206,5 @@ def test_the_workflow_makes_no_such_file_and_needs_no_agent_for_it(world, tmp_pa
     for row in planned(world, (8,), total=4):
         record.add(row, 2.0)
     config = prepare(plan)
-    wanted = _wanted(_command(plan, config, 1, None), plan, config)
+    wanted = _wanted(_command(plan, config, 1, None), config)
     assert set(wanted) == set(ARTEFACTS)

@@ -128,9 +128,9 @@ def test_what_was_lost_is_told(tmp_path: Path) -> None:
     assert lost(tmp_path, saved, "") == ""
     assert lost(tmp_path, saved, "process 7").startswith("process 7 was killed here: what it did since")
     with (tmp_path / "metrics.jsonl").open("a") as file:
-        file.write(json.dumps({"step": 1512, "hours": saved.values["hours"] + 0.5}) + "\n")
+        file.write(json.dumps({"step": 1512, "hours": saved.values["hours"] + 0.5003}) + "\n")
     said = lost(tmp_path, saved, "")
-    assert "before it could save: at least 1,000 steps (30:00) after 512 are lost" in said
+    assert "before it could save: at least 1,000 steps (30:01) after 512 are lost" in said
     assert "at least 1,512 steps" in lost(tmp_path, None, "process 7")
 
 
