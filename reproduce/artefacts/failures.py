@@ -121,8 +121,9 @@ def _errors(axes: Axes, cells: Sequence[Cell]) -> None:
     axes.set_xticks(
         range(len(names)), [name.replace("_", " ") for name in names], rotation=40, ha="right", fontsize=7
     )
-    axes.set_title("Error of the estimate, and up to the object's symmetry")
+    axes.set_title("Error at 10 s, and up to symmetry")
     axes.set_ylabel("rad")
     for colour, words in ((TACTILE, "as the paper measures"), (GREY, "up to symmetry")):
         axes.bar([0], [0], color=colour, label=words)
-    axes.legend(fontsize=7)
+    axes.set_ylim(0, 1.2 * axes.get_ylim()[1])
+    axes.legend(fontsize=7, loc="upper right", ncols=2)

@@ -62,7 +62,7 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
     panels[0].set_ylabel("mean error of the estimate (rad)")
     _diagonal(panels[-1])
     if beside:
-        panels[0].legend(fontsize=7, loc="upper left")
+        panels[0].legend(fontsize=7, loc="center right", bbox_to_anchor=(1.0, 0.46))
     footnote(
         made,
         f"{runs[0] if runs else ORACLE} in Bullet, told the truth; all estimators follow the same episodes"

@@ -64,14 +64,14 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
         if not there:
             say_missing(axes, "missing")
     panels[0].set_ylabel("mean angle to the goal (rad)")
-    panels[-1].set_title(f"Within 0.4 rad, {furthest.replace(' degrees', '°')}")
+    panels[-1].set_title(f"Reached, {furthest.replace(' degrees', '°')}")
     panels[-1].axvline(lab, color=PAPER, linewidth=0.9, linestyle=":")
     panels[-1].set_xlim(0, 10)
     panels[-1].set_ylim(0, 1.02)
     panels[-1].set_xlabel("time (s)")
     panels[-1].set_ylabel("share of all episodes")
     if there:
-        panels[-1].legend(fontsize=7, loc="lower right")
+        panels[0].legend(*panels[-1].get_legend_handles_labels(), fontsize=7, loc="upper right")
     footnote(
         made,
         f"In Bullet, {range_of(cells)} episodes a number; angles of those still held, bands 95 % intervals."
