@@ -126,4 +126,4 @@ def _errors(axes: Axes, cells: Sequence[Cell]) -> None:
     for colour, words in ((TACTILE, "as the paper measures"), (GREY, "up to symmetry")):
         axes.bar([0], [0], color=colour, label=words)
     axes.set_ylim(0, 1.2 * axes.get_ylim()[1])
-    axes.legend(fontsize=7, loc="upper right", ncols=2)
+    axes.legend(fontsize=6.5, loc="upper right", ncols=2, handlelength=1.0, columnspacing=1.0)
