@@ -45,10 +45,10 @@ def make(results: Results, outputs: Sequence[Path]) -> None:
             cells.append(estimate_cell(role, words, SHARE, None, rate, unit="failures", runs=runs, note=note))
         if failures:
             _bars(left, len(shown), counts, len(found))
-            shown.append(f"{role.removesuffix('-geometric8')}\n{len(failures)} of {len(found)}")
+            shown.append(f"{role.removesuffix('-geometric8')}, {len(failures)} of {len(found)}")
         cells += _symmetries(role, found, runs, results.seed)
     if shown:
-        left.set_yticks(range(len(shown)), shown, fontsize=7)
+        left.set_yticks(range(len(shown)), shown, fontsize=6)
         left.set_ylim(len(shown) - 0.5, -0.5)
         left.set_xlim(0, 1)
         left.grid(axis="x", color="#e4e6ea")
