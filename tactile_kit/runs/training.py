@@ -142,31 +142,21 @@ def default_env(config: RunConfig, quiet: bool = False) -> Any:
     """The training environment of the run's kind; a search for grasps is shown unless ``quiet``."""
     from tactile_kit.task.variants import prepare
 
-    seed, task = derive(config.seed, "training"), config.played
-    variants = prepare(task, config.num_workers, quiet=quiet)
+    task = config.played
+    shared: dict[str, Any] = {
+        "num_envs": config.num_envs,
+        "num_workers": config.num_workers,
+        "seed": derive(config.seed, "training"),
+        "variants": prepare(task, config.num_workers, quiet=quiet),
+        "workers": config.workers,
+    }
     if config.kind == "oracle":
         from tactile_kit.task.vec_env import ReorientVecEnv
 
-        return ReorientVecEnv(
-            task,
-            num_envs=config.num_envs,
-            num_workers=config.num_workers,
-            seed=seed,
-            variants=variants,
-            workers=config.workers,
-        )
+        return ReorientVecEnv(task, **shared)
     from tactile_kit.ecrl import TactileVecEnv
 
-    return TactileVecEnv(
-        task,
-        num_envs=config.num_envs,
-        num_workers=config.num_workers,
-        seed=seed,
-        variants=variants,
-        estimator=config.estimator,
-        ecrl=config.ecrl,
-        workers=config.workers,
-    )
+    return TactileVecEnv(task, estimator=config.estimator, ecrl=config.ecrl, **shared)
 
 
 def make_learner(config: RunConfig, env: Any) -> Any:

@@ -47,22 +47,7 @@ def test_same_data_same_bytes(full_world, tmp_path, name):
             assert b"<svg" in content and b"dc:date" not in content
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "learning",
-        "violin",
-        "success",
-        "transfer",
-        "sensitivity",
-        "following",
-        "turning",
-        "failures",
-        "complex",
-        "extent",
-        "confusion",
-    ],
-)
+@pytest.mark.parametrize("name", [name for name in FIGURES if name != "object_sets"])
 def test_a_world_without_runs_has_missing_cells_only(world, tmp_path, name):
     files = outputs(name, tmp_path)
     make(name, world.results, files)
