@@ -9,9 +9,10 @@ import os
 from pathlib import Path
 from typing import Any
 
+from object_sets import storage
 from reproduce.errors import ReproduceError
 from tactile_kit import files
-from tactile_kit.files import read_text, write_atomically
+from tactile_kit.files import read_text
 
 CODE = Path(__file__).resolve().parent.parent  # what the packages are in: a checkout, or site-packages
 # Where results/ and its agents are: the checkout, or where the command is given if that is not where the packages are.
@@ -20,7 +21,7 @@ ROOT = CODE if (CODE / "setup.cfg").is_file() else Path.cwd()
 
 def write_atomic(path: str | os.PathLike, content: str | bytes) -> Path:
     """Writes a file in one move: whoever sees the name sees the whole content. Parents are made."""
-    write_atomically(Path(path), content.encode() if isinstance(content, str) else content)
+    storage.write_atomic(Path(path), content.encode() if isinstance(content, str) else content)
     return Path(path)
 
 

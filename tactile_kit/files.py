@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from object_sets.storage import sync_directory
-from object_sets.storage import write_atomic as write_atomically
+from object_sets.storage import sync_directory, write_atomic
 from tactile_kit.errors import AgentError
 
 if TYPE_CHECKING:
@@ -41,8 +40,8 @@ def replace_together(directory: Path, weights: Mapping[str, bytes], manifest: st
     """
     settle(directory, manifest)
     for name, data in weights.items():
-        write_atomically(staged(directory / name), data)
-    write_atomically(directory / manifest, content)
+        write_atomic(staged(directory / name), data)
+    write_atomic(directory / manifest, content)
     for name in weights:
         os.replace(staged(directory / name), directory / name)
     sync_directory(directory)
@@ -51,7 +50,7 @@ def replace_together(directory: Path, weights: Mapping[str, bytes], manifest: st
 def settle(directory: Path, manifest: str) -> None:
     """Finish what a kill interrupted: move waiting weights that ``manifest`` names, remove unfinished files."""
     for path in directory.glob(".*"):
-        if re.fullmatch(r"\..+\.\w{8}", path.name):  # of write_atomically
+        if re.fullmatch(r"\..+\.\w{8}", path.name):  # of write_atomic
             path.unlink(missing_ok=True)
     try:
         wanted = dict(read_json(directory / manifest)["weights"])

@@ -16,6 +16,7 @@ from typing import Any
 
 from torch import Tensor
 
+from object_sets.storage import write_atomic
 from tactile_kit.errors import CheckpointError
 from tactile_kit.files import (
     digest,
@@ -24,7 +25,6 @@ from tactile_kit.files import (
     read_tensors,
     sync_directory,
     tensor_bytes,
-    write_atomically,
 )
 
 SCHEMA = 1
@@ -57,11 +57,11 @@ def save(
     temporary.mkdir()
     try:
         data = tensor_bytes(tensors)
-        write_atomically(temporary / "state.safetensors", data)
+        write_atomic(temporary / "state.safetensors", data)
         files = {"state.safetensors": digest(data)}
         body = {"schema": SCHEMA, "step": step, "files": files, "values": dict(values)}
         body["digest"] = _body_digest(body)
-        write_atomically(temporary / "state.json", json_bytes(body))
+        write_atomic(temporary / "state.json", json_bytes(body))
         if final.exists():  # the same step saved again, after a damaged save
             shutil.rmtree(final)
         os.rename(temporary, final)

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from object_sets.storage import write_atomic
 from tactile_kit.agents.manifest import Manifest, PolicyNetwork
 from tactile_kit.files import (
     digest,
     json_bytes,
     replace_together,
     tensor_bytes,
-    write_atomically,
 )
 from tactile_kit.runs.config import RunConfig
 from tactile_kit.runs.directory import revision, versions
@@ -69,7 +69,7 @@ def export_agent(
     digests = {name: digest(data) for name, data in weights.items()}
     manifest = manifest.model_copy(update={"weights": digests})
     replace_together(directory, weights, "agent.json", json_bytes(manifest.to_json()))
-    write_atomically(directory / "README.md", model_card(directory.name, manifest, evaluation).encode())
+    write_atomic(directory / "README.md", model_card(directory.name, manifest, evaluation).encode())
     return manifest
 
 

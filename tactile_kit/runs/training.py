@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import torch
 
+from object_sets.storage import write_atomic
 from randomization import derive
 from tactile_kit.errors import CheckpointError, ConfigError, RunError
-from tactile_kit.files import json_bytes, read_json, settle, write_atomically
+from tactile_kit.files import json_bytes, read_json, settle
 from tactile_kit.runs import checkpoint as checkpoints
 from tactile_kit.runs.config import RunConfig, differences
 from tactile_kit.runs.directory import hardware, locked, revision, versions
@@ -356,7 +357,7 @@ def _write_config(path: Path, content: bytes) -> None:
     """Nothing where it is there already: a run goes on though its disk is full. Raises RunError."""
     try:
         if not path.exists() or path.read_bytes() != content:
-            write_atomically(path, content)
+            write_atomic(path, content)
     except OSError as problem:
         raise RunError(
             f"{path}: can't be written ({problem}); no run starts without its settings on disk"
@@ -374,7 +375,7 @@ def _write_record(directory: Path, resumed: checkpoints.Checkpoint | None) -> No
         "versions": dict(versions()),
         "git": revision(),
     }
-    write_atomically(path, json_bytes({"starts": [*starts, start]}))
+    write_atomic(path, json_bytes({"starts": [*starts, start]}))
 
 
 @contextmanager

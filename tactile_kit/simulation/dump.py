@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from object_sets.storage import NUMBERS, read_npz
-from tactile_kit.files import write_atomically
+from object_sets.storage import NUMBERS, read_npz, write_atomic
 from tactile_kit.hand.kinematics import ALL_JOINTS, JOINTS
 
 SCHEMA = 1
@@ -54,7 +53,7 @@ def write(path: Path, dump: Dump) -> None:
     arrays |= {f"state.{name}": value for name, value in dump.state.items()}
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, head=np.array(head), actions=dump.actions, **arrays)
-    write_atomically(path, buffer.getvalue())
+    write_atomic(path, buffer.getvalue())
 
 
 def read(path: str | Path) -> Dump:

@@ -89,7 +89,7 @@ def test_a_run_goes_on_where_nothing_more_can_be_written_at_its_start(
     def full(path: Path, data: bytes) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("tactile_kit.runs.training.write_atomically", full)
+    monkeypatch.setattr("tactile_kit.runs.training.write_atomic", full)
     with pytest.raises(RunError, match=r"config\.yaml: can't be written .*No space left"):
         train(settings(1024), tmp_path, make_env=toy)
     (tmp_path / "config.yaml").write_text(settings(1024).to_yaml())
